@@ -2,7 +2,7 @@
 // sums each of STRANDS strided strands of points for a block of 4 x 4 outputs; then the strands are added in order. Where
 // skinning weights are 0, nothing is summed.
 
-import package::shared::four::BLOCK;
+import package::shared::points4::BLOCK;
 
 struct SumUniforms {
     count: u32,

@@ -3,7 +3,7 @@
 
 import package::shared::bones::{PLAIN, bone_row, residual_bone_row, residual_weight_row};
 import package::shared::dispatch::flat_index;
-import package::shared::four::{four_points, four_stored, invocations};
+import package::shared::points4::{points4, in_range4, invocations};
 import package::shared::pose::pose;
 import package::shared::weights::{joint_at, joints_of, weight_row};
 
@@ -37,7 +37,7 @@ fn skin_normals(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups
     if i >= invocations(n) {
         return;
     }
-    let p = four_points(i, n);
+    let p = points4(i, n);
     // Rows of the blended map without its translation.
     var row_x = mat3x4<f32>();
     var row_y = mat3x4<f32>();
@@ -71,7 +71,7 @@ fn skin_normals(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups
     let squared = x * x + y * y + z * z;
     // Zero where the map flattens the surface's neighbourhood to a line.
     let scale = select(vec4(0.0), inverseSqrt(squared), squared > vec4(1e-30));
-    let stored = four_stored(i, n);
+    let stored = in_range4(i, n);
     store(0u, p, stored, x * scale);
     store(1u, p, stored, y * scale);
     store(2u, p, stored, z * scale);

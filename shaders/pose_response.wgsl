@@ -5,7 +5,7 @@
 // gains [channels][joints][9].
 
 import package::shared::dispatch::flat_index;
-import package::shared::four::{four_points, four_stored, invocations};
+import package::shared::points4::{points4, in_range4, invocations};
 import package::shared::pose::{CHAIN_STRIDE, pose};
 import package::shared::sigmoid::sigmoid_slope;
 import package::shared::weights::{joint_at, joints_of, weight_row};
@@ -152,8 +152,8 @@ fn respond(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) gro
     if i >= invocations(n) {
         return;
     }
-    let p = four_points(i, n);
-    let stored = four_stored(i, n);
+    let p = points4(i, n);
+    let stored = in_range4(i, n);
     let joints = joints_of(p);
     var logits = mat3x4(appearance_row(ROW_BASE_COLOR, p), appearance_row(ROW_BASE_COLOR + 1u, p),
                        appearance_row(ROW_BASE_COLOR + 2u, p));

@@ -4,7 +4,7 @@
 import package::shared::chain_backward::{d_bones, pose_chain_backward};
 import package::shared::d_skin::{d_skin_row, store_d_skin};
 import package::shared::dispatch::flat_index;
-import package::shared::four::{four_points, four_stored, invocations};
+import package::shared::points4::{points4, in_range4, invocations};
 import package::shared::offsets::offset_row;
 import package::shared::pose::{ROW_D_POINT, ROW_OFFSET, pose};
 
@@ -63,8 +63,8 @@ fn residual_joints_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(nu
     if i >= invocations(n) {
         return;
     }
-    let p = four_points(i, n);
-    let stored = four_stored(i, n);
+    let p = points4(i, n);
+    let stored = in_range4(i, n);
     let x = offset_row(ROW_OFFSET, p);
     let y = offset_row(ROW_OFFSET + 1u, p);
     let z = offset_row(ROW_OFFSET + 2u, p);

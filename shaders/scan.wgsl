@@ -1,19 +1,9 @@
 // Exclusive prefix sum over an array, in three passes over STRANDS contiguous pieces. One invocation sums each piece in
 // order, so that nothing depends on scheduling and no workgroup memory is needed.
 
-struct ScanUniforms {
-    length: u32,
-    // Where the grand total goes in `totals`.
-    total_index: u32,
-    padding: vec2<u32>,
-}
+import package::shared::scan_buffers::{scan, strand_sums, totals, values};
 
 const STRANDS: u32 = 1024u;
-
-@group(0) @binding(0) var<uniform> scan: ScanUniforms;
-@group(0) @binding(1) var<storage, read_write> values: array<u32>;
-@group(0) @binding(2) var<storage, read_write> strand_sums: array<u32>;
-@group(0) @binding(3) var<storage, read_write> totals: array<u32>;
 
 fn strand_length() -> u32 {
     return (scan.length + STRANDS - 1u) / STRANDS;

@@ -2,13 +2,7 @@
 // of invocations at once. The sums are of integers: the result is that of `scan.wgsl`, bit for bit.
 
 import package::shared::block::{Block, thread_of};
-
-struct ScanUniforms {
-    length: u32,
-    // Where the grand total goes in `totals`.
-    total_index: u32,
-    padding: vec2<u32>,
-}
+import package::shared::scan_buffers::{scan, strand_sums, totals, values};
 
 const THREADS: u32 = 256u;
 const SHARE: u32 = 8u;
@@ -16,11 +10,6 @@ const BLOCK: u32 = THREADS * SHARE;
 // Subgroups have four invocations or more.
 @if(subgroups) const PARTS: u32 = THREADS / 4u;
 @if(!subgroups) const PARTS: u32 = THREADS;
-
-@group(0) @binding(0) var<uniform> scan: ScanUniforms;
-@group(0) @binding(1) var<storage, read_write> values: array<u32>;
-@group(0) @binding(2) var<storage, read_write> strand_sums: array<u32>;
-@group(0) @binding(3) var<storage, read_write> totals: array<u32>;
 
 // Totals of the subgroups; without them, running sums of the invocations.
 var<workgroup> parts: array<u32, PARTS>;

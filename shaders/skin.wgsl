@@ -2,7 +2,7 @@
 
 import package::shared::bones::{PLAIN, bone_row, residual_bone_row, residual_weight_row};
 import package::shared::dispatch::flat_index;
-import package::shared::four::{four_points, four_stored, invocations};
+import package::shared::points4::{points4, in_range4, invocations};
 import package::shared::offsets::offset_row;
 import package::shared::pose::{ROW_POINT, pose};
 import package::shared::weights::{joint_at, joints_of, weight_row};
@@ -27,7 +27,7 @@ fn skin(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
     if i >= invocations(n) {
         return;
     }
-    let p = four_points(i, n);
+    let p = points4(i, n);
     // Rows of the blended map: one column for each entry of the row, one component for each point.
     var row_x = mat4x4<f32>();
     var row_y = mat4x4<f32>();
@@ -57,7 +57,7 @@ fn skin(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
     let x = offset_row(ROW_POINT, p);
     let y = offset_row(ROW_POINT + 1u, p);
     let z = offset_row(ROW_POINT + 2u, p);
-    let stored = four_stored(i, n);
+    let stored = in_range4(i, n);
     let t = pose.pose_offset + 3u * pose.joint_count;
     store(0u, p, stored, row_x[0] * x + row_x[1] * y + row_x[2] * z + row_x[3] + poses[t]);
     store(1u, p, stored, row_y[0] * x + row_y[1] * y + row_y[2] * z + row_y[3] + poses[t + 1u]);

@@ -4,7 +4,7 @@
 import package::shared::bones::{PLAIN, bone_row, residual_bone_row, residual_weight_row};
 import package::shared::d_skin::store_d_skin;
 import package::shared::dispatch::flat_index;
-import package::shared::four::{four_points, four_stored, invocations};
+import package::shared::points4::{points4, in_range4, invocations};
 import package::shared::offsets::offset_row;
 import package::shared::pose::{ROW_D_POINT, ROW_MOMENT, ROW_POINT, pose};
 import package::shared::weights::{joint_at, joints_of, weight_row};
@@ -33,8 +33,8 @@ fn skin_backward(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroup
     if i >= invocations(n) {
         return;
     }
-    let p = four_points(i, n);
-    let stored = four_stored(i, n);
+    let p = points4(i, n);
+    let stored = in_range4(i, n);
     let x = offset_row(ROW_POINT, p);
     let y = offset_row(ROW_POINT + 1u, p);
     let z = offset_row(ROW_POINT + 2u, p);

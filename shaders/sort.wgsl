@@ -2,34 +2,7 @@
 // a strand counts its digits, the counts (digit-major) are scanned, and the strand then places its pairs in order.
 // Stable by construction, without atomics or workgroup memory.
 
-struct SortUniforms {
-    // The digit is (key >> shift) & mask.
-    shift: u32,
-    mask: u32,
-    strands: u32,
-    // Index of the counter that holds the number of pairs.
-    counter: u32,
-    // Whether the value of a pair is its number, and none is read.
-    numbered: u32,
-    padding_1: u32,
-    padding_2: u32,
-    padding_3: u32,
-}
-
-@group(0) @binding(0) var<uniform> sort: SortUniforms;
-@group(0) @binding(1) var<storage, read> counters: array<u32>;
-@group(0) @binding(2) var<storage, read> keys_in: array<u32>;
-@group(0) @binding(3) var<storage, read> values_in: array<u32>;
-@group(0) @binding(4) var<storage, read_write> digit_counts: array<u32>;
-@group(0) @binding(5) var<storage, read_write> keys_out: array<u32>;
-@group(0) @binding(6) var<storage, read_write> values_out: array<u32>;
-
-fn value_of(i: u32) -> u32 {
-    if sort.numbered != 0u {
-        return i;
-    }
-    return values_in[i];
-}
+import package::shared::sort_buffers::{counters, digit_counts, keys_in, keys_out, sort, value_of, values_out};
 
 fn strand_range(strand: u32) -> vec2<u32> {
     let count = counters[sort.counter];

@@ -5,21 +5,7 @@
 // add up the counts of their invocations; without, workgroup memory does, of which every device has room for less.
 
 import package::shared::block::{Block, thread_of};
-
-struct SortUniforms {
-    // The digit is (key >> shift) & mask; the mask has at most four bits.
-    shift: u32,
-    mask: u32,
-    // Number of blocks that the keys are divided into.
-    strands: u32,
-    // Index of the counter that holds the number of pairs.
-    counter: u32,
-    // Whether the value of a pair is its number, and none is read.
-    numbered: u32,
-    padding_1: u32,
-    padding_2: u32,
-    padding_3: u32,
-}
+import package::shared::sort_buffers::{counters, digit_counts, keys_in, keys_out, sort, value_of, values_out};
 
 @if(subgroups) const THREADS: u32 = 256u;
 @if(!subgroups) const THREADS: u32 = 128u;
@@ -29,21 +15,6 @@ const DIGITS: u32 = 16u;
 // Subgroups have four invocations or more.
 @if(subgroups) const PARTS: u32 = THREADS / 4u;
 @if(!subgroups) const PARTS: u32 = THREADS;
-
-@group(0) @binding(0) var<uniform> sort: SortUniforms;
-@group(0) @binding(1) var<storage, read> counters: array<u32>;
-@group(0) @binding(2) var<storage, read> keys_in: array<u32>;
-@group(0) @binding(3) var<storage, read> values_in: array<u32>;
-@group(0) @binding(4) var<storage, read_write> digit_counts: array<u32>;
-@group(0) @binding(5) var<storage, read_write> keys_out: array<u32>;
-@group(0) @binding(6) var<storage, read_write> values_out: array<u32>;
-
-fn value_of(i: u32) -> u32 {
-    if sort.numbered != 0u {
-        return i;
-    }
-    return values_in[i];
-}
 
 // How often each of the sixteen digits occurs: two per word, 0 to 7 in `low`, 8 to 15 in `high`. A block has fewer than
 // 2^16.

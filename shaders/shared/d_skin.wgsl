@@ -1,4 +1,4 @@
-// Gradients of points and moments, four points per invocation (`shared/four.wgsl`).
+// Gradients of points and moments, four points per invocation (`shared/points4.wgsl`).
 
 import package::shared::pose::pose;
 

@@ -1,4 +1,5 @@
-// How a splat fades from its centre, the same in both passes: where alpha is near a cut-off they must agree to the bit.
+// How a splat fades from its centre, the same in both passes: where alpha is near a threshold they must agree to the
+// bit.
 
 // -log2(e) / 2.
 const SCALE: f32 = -0.72134752;

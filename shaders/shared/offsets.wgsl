@@ -1,4 +1,4 @@
-// Offsets and points, four points per invocation (`shared/four.wgsl`).
+// Offsets and points, four points per invocation (`shared/points4.wgsl`).
 
 import package::shared::pose::pose;
 

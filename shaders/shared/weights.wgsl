@@ -1,6 +1,6 @@
-// Skinning weights, four points per invocation (`shared/four.wgsl`), and the joints that have any there.
+// Skinning weights, four points per invocation (`shared/points4.wgsl`), and the joints that have any there.
 
-import package::shared::four::BLOCK;
+import package::shared::points4::BLOCK;
 import package::shared::pose::pose;
 
 // [joints][N], then for each block of points where the list of its joints begins, and where the last one ends, then the

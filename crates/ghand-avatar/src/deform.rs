@@ -1,9 +1,10 @@
 //! Deforms a hand: from the properties of its Gaussians and a pose to posed Gaussians, and the gradients back
 //! (paper eq. 7 to 11).
 //!
-//! skeleton -> (the property model) -> blend_shapes -> residual_skeleton -> skin -> shade; the backward pass runs in the
-//! opposite order. A [`baked`] hand has one stage after the skeleton instead, and no backward pass. Each stage has a file, named like its shaders and its twin in `ghand-core`. All tables are joint- or
-//! component-major (`[rows][N]`), so that neighbouring invocations access neighbouring words.
+//! skeleton -> (the property model) -> blend_shapes -> residual_skeleton -> skin -> shade; the backward pass runs in
+//! the opposite order. A [`baked`] hand has one stage after the skeleton instead, and no backward pass. Each stage has a
+//! file, named like its shaders and its twin in `ghand-core`. All tables are joint- or component-major (`[rows][N]`), so
+//! that neighbouring invocations access neighbouring words.
 
 pub mod baked;
 mod blend_shapes;
@@ -155,30 +156,6 @@ struct ForwardBuffers {
     offsets: wgpu::Buffer,
     properties: Properties,
     gaussians: wgpu::Buffer,
-}
-
-impl ForwardBuffers {
-    /// The buffers by their names in the shaders.
-    fn named(&self) -> Vec<(&str, &wgpu::Buffer)> {
-        let p = &self.properties;
-        vec![
-            ("pose", &self.pose),
-            ("poses", &self.poses),
-            ("rest", &self.rest),
-            ("weights", &self.weights),
-            ("joints", &self.joints),
-            ("parents", &self.parents),
-            ("chain", &self.chain),
-            ("residual_joints", &self.residual_joints),
-            ("residual_chain", &self.residual_chain),
-            ("offsets", &self.offsets),
-            ("shape_basis", &p.shape_basis),
-            ("coefficients", &p.coefficients),
-            ("residual_weights", &p.residual_weights),
-            ("regressor", &p.regressor),
-            ("gaussians", &self.gaussians),
-        ]
-    }
 }
 
 /// A hand's deformation: poses and properties to Gaussians in a splatter's table.
@@ -466,26 +443,6 @@ struct BackwardBuffers {
     d_pose: wgpu::Buffer,
     mobility: wgpu::Buffer,
     gradients: Properties,
-}
-
-impl BackwardBuffers {
-    /// The buffers by their names in the shaders.
-    fn named(&self) -> Vec<(&str, &wgpu::Buffer)> {
-        let g = &self.gradients;
-        vec![
-            ("d_gaussians", &self.d_gaussians),
-            ("d_skin", &self.d_skin),
-            ("d_residual_joints", &self.d_residual_joints),
-            ("d_joints", &self.d_joints),
-            ("d_local", &self.d_local),
-            ("d_pose", &self.d_pose),
-            ("mobility", &self.mobility),
-            ("d_shape_basis", &g.shape_basis),
-            ("d_coefficients", &g.coefficients),
-            ("d_residual_weights", &g.residual_weights),
-            ("d_regressor", &g.regressor),
-        ]
-    }
 }
 
 /// The backward pass of a [`Deformation`]. In this order: [`DeformationBackward::encode_point_gradients`], penalties on offsets

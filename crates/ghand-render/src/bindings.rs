@@ -1,44 +1,69 @@
-//! Bind groups by the names of the bindings in the WGSL.
+//! Bind groups from the structs in [`crate::stages`], which have a field for each binding of the WGSL.
 
-use crate::shader_sources::{Entry, Shader};
+use std::marker::PhantomData;
 
-/// The entry points of a shader that share a bind group.
-#[derive(Debug, Clone)]
-pub struct Bindings {
-    entries: Vec<&'static Entry>,
+use crate::shader_sources::Shader;
+
+/// What the bindings of an entry point or a shader are bound to.
+pub trait Bindings {
+    /// All of them, in `@group(0)`.
+    fn entries(&self) -> Vec<wgpu::BindGroupEntry<'_>>;
 }
 
-impl Bindings {
-    /// The bindings that any of these entry points of a shader uses.
+/// A compute entry point.
+pub trait ComputeEntry {
+    /// Its name in the WGSL.
+    const NAME: &'static str;
+    /// What it binds. Variants for other tiers may use fewer of them.
+    type Bindings<'a>: Bindings;
+}
+
+/// The vertex and fragment entry points of a shader.
+pub trait RenderShader {
+    /// The shader's name, see [`Shader::name`].
+    const NAME: &'static str;
+    /// What they bind, all together.
+    type Bindings<'a>: Bindings;
+}
+
+/// The bind group of those bindings whose numbers a pipeline uses.
+pub(crate) fn bind_group(
+    device: &wgpu::Device,
+    label: &str,
+    layout: &wgpu::BindGroupLayout,
+    used: &[u32],
+    bindings: &impl Bindings,
+) -> wgpu::BindGroup {
+    let mut entries = bindings.entries();
+    entries.retain(|entry| used.contains(&entry.binding));
+    device.create_bind_group(&wgpu::BindGroupDescriptor { label: Some(label), layout, entries: &entries })
+}
+
+/// Makes the bind groups of render pipelines with the same entry points.
+#[derive(Debug, Clone)]
+pub struct RenderBindings<S> {
+    used: Vec<u32>,
+    shader: PhantomData<S>,
+}
+
+impl<S: RenderShader> RenderBindings<S> {
+    /// Of pipelines with these entry points.
     ///
     /// # Panics
-    /// Panics if the shader or an entry point does not exist, which is a bug in the program.
-    pub fn new(shader: &str, entry_points: &[&str]) -> Bindings {
-        let shader = Shader::named(shader);
-        Bindings { entries: entry_points.iter().map(|name| shader.entry(name)).collect() }
+    /// Panics if the shader has no such entry point, which is a bug in the program.
+    pub fn new(entry_points: &[&str]) -> RenderBindings<S> {
+        let shader = Shader::named(S::NAME);
+        let used = entry_points.iter().flat_map(|name| shader.entry(name).bindings).copied().collect();
+        RenderBindings { used, shader: PhantomData }
     }
 
-    /// The bind group of the used `resources`. Others are ignored, so that all stages of a shader can be given the same
-    /// list.
-    ///
-    /// # Panics
-    /// Panics if a used resource is missing, which is a bug in the program.
+    /// The bind group of those bindings that the entry points use.
     pub fn group(
         &self,
         device: &wgpu::Device,
-        label: &str,
-        layout: &wgpu::BindGroupLayout,
-        resources: &[(&str, wgpu::BindingResource<'_>)],
+        pipeline: &wgpu::RenderPipeline,
+        bindings: &S::Bindings<'_>,
     ) -> wgpu::BindGroup {
-        let mut used: Vec<(&str, u32)> = self.entries.iter().flat_map(|entry| entry.bindings).copied().collect();
-        used.sort_by_key(|(_, number)| *number);
-        used.dedup();
-        let resource = |name: &str| {
-            let found = resources.iter().find(|(given, _)| *given == name);
-            found.unwrap_or_else(|| panic!("{label}: nothing is bound to `{name}`")).1.clone()
-        };
-        let entry = |&(name, binding): &(&str, u32)| wgpu::BindGroupEntry { binding, resource: resource(name) };
-        let entries: Vec<_> = used.iter().map(entry).collect();
-        device.create_bind_group(&wgpu::BindGroupDescriptor { label: Some(label), layout, entries: &entries })
+        bind_group(device, S::NAME, &pipeline.get_bind_group_layout(0), &self.used, bindings)
     }
 }

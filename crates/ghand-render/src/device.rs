@@ -14,6 +14,7 @@ pub use failure::{DeviceError, RenderError};
 use failure::Failure;
 
 use crate::pipeline::{Module, compute_pass};
+use crate::stages::{SubgroupSize, SubgroupSizeBindings};
 use crate::{Tier, buffers};
 
 /// An open device with its queue.
@@ -160,8 +161,8 @@ impl Gpu {
     /// Submits the measurement of the size of subgroups, and returns the buffer with its only word.
     fn subgroup_size(&self) -> wgpu::Buffer {
         let size = buffers::zeroed(self, "subgroup size", 1);
-        let stage = Module::new(self, "subgroups/subgroup_size").stage(self, "subgroup_size", &[]);
-        let bound = stage.bind(self, &[("size", &size)]);
+        let stage = Module::new(self, "subgroups/subgroup_size").stage::<SubgroupSize>(self, &[]);
+        let bound = stage.bind(self, &SubgroupSizeBindings { size: &size });
         let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         bound.dispatch(&mut compute_pass(&mut encoder, "subgroup size"), 1);
         self.queue.submit([encoder.finish()]);

@@ -3,6 +3,10 @@
 use bytemuck::{Pod, Zeroable};
 
 use crate::pipeline::{Bound, Module, compute_pass};
+use crate::stages::{
+    BlurColumns, BlurColumnsBindings, BlurRows, BlurRowsBindings, DBlurRows, DBlurRowsBindings, LossSums,
+    LossSumsBindings, LossWithoutSsim, LossWithoutSsimBindings,
+};
 use crate::{Gpu, RenderError, buffers};
 
 /// Number of strands (partial sums) of the loss value, as in the shader.
@@ -113,37 +117,34 @@ impl ImageLoss {
         let module = Module::new(gpu, "image_loss");
         let uniforms = buffers::uniform(gpu, "loss", &LossUniforms::zeroed());
         let target = buffers::zeroed(gpu, "target", max_pixels);
-        let rows = buffers::zeroed(gpu, "loss rows", 3 * 4 * max_pixels);
-        let columns = buffers::zeroed(gpu, "loss columns", 3 * 4 * max_pixels);
+        let rows = &buffers::zeroed(gpu, "loss rows", 3 * 4 * max_pixels);
+        let columns = &buffers::zeroed(gpu, "loss columns", 3 * 4 * max_pixels);
         // A strip has at least one pixel, and each pixel belongs to one of a row and one of a column.
-        let values = buffers::zeroed(gpu, "loss values", 2 * 4 * max_pixels);
+        let values = &buffers::zeroed(gpu, "loss values", 2 * 4 * max_pixels);
         let strand_sums = buffers::zeroed(gpu, "loss sums", 4 * STRANDS);
-        let all = [
-            ("loss", &uniforms),
-            ("image", image),
-            ("target_image", &target),
-            ("rows", &rows),
-            ("columns", &columns),
-            ("values", &values),
-            ("d_image", d_image),
-            ("strand_sums", &strand_sums),
-        ];
-        let stage = |entry| module.stage(gpu, entry, &[]).bind(gpu, &all);
-        let [blur_rows, blur_columns, d_blur_rows] = ["blur_rows", "blur_columns", "d_blur_rows"].map(stage);
-        let (without_ssim, sums) = (stage("loss_without_ssim"), stage("loss_sums"));
-        let (size, has_ssim) = ([0, 0], true);
+        let (loss, target_image) = (&uniforms, &target);
         ImageLoss {
+            blur_rows: module
+                .stage::<BlurRows>(gpu, &[])
+                .bind(gpu, &BlurRowsBindings { loss, image, target_image, rows }),
+            blur_columns: module
+                .stage::<BlurColumns>(gpu, &[])
+                .bind(gpu, &BlurColumnsBindings { loss, target_image, rows, columns, values }),
+            d_blur_rows: module
+                .stage::<DBlurRows>(gpu, &[])
+                .bind(gpu, &DBlurRowsBindings { loss, image, target_image, columns, values, d_image }),
+            without_ssim: module
+                .stage::<LossWithoutSsim>(gpu, &[])
+                .bind(gpu, &LossWithoutSsimBindings { loss, image, target_image, values, d_image }),
+            sums: module
+                .stage::<LossSums>(gpu, &[])
+                .bind(gpu, &LossSumsBindings { loss, values, strand_sums: &strand_sums }),
             uniforms,
             target,
             strand_sums,
-            blur_rows,
-            blur_columns,
-            d_blur_rows,
-            without_ssim,
-            sums,
             max_pixels,
-            size,
-            has_ssim,
+            size: [0, 0],
+            has_ssim: true,
         }
     }
 

@@ -15,6 +15,7 @@ pub mod reference;
 pub mod roughness;
 pub mod shader_sources;
 pub mod splat;
+pub mod stages;
 pub mod texture_pass;
 pub mod tier;
 pub mod timing;

@@ -69,7 +69,7 @@ impl MeshRenderer {
         let context = Context { gpu: gpu.clone(), device: gpu.device.clone(), queue: gpu.queue.clone() };
         let (faces, lines, resolve) = gpu.scoped("the mesh rasteriser", || {
             let device = &gpu.device;
-            (faces::Faces::new(device), wireframe::Lines::new(device), resolve::Resolve::new(device))
+            (faces::Faces::new(device), wireframe::Lines::new(device), resolve::Resolve::new(gpu))
         })?;
         Ok(MeshRenderer { context, faces, lines, resolve })
     }

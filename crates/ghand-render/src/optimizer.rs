@@ -3,6 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 
 use crate::pipeline::{Bound, Module, Stage};
+use crate::stages::{AdamStep, AdamStepBindings, AdamStepVectors, AdamStepVectorsBindings};
 use crate::{Gpu, RenderError, buffers};
 
 /// See `shaders/adam.wgsl`.
@@ -63,8 +64,8 @@ impl AdamUniforms {
 
 /// The compiled Adam stages.
 pub struct Adam {
-    scalars: Stage,
-    vectors: Stage,
+    scalars: Stage<AdamStep>,
+    vectors: Stage<AdamStepVectors>,
 }
 
 /// Which parameters share a second moment.
@@ -92,7 +93,7 @@ impl Adam {
     pub fn new(gpu: &Gpu) -> Result<Adam, RenderError> {
         gpu.scoped("the optimizer", || {
             let module = Module::new(gpu, "adam");
-            Adam { scalars: module.stage(gpu, "adam_step", &[]), vectors: module.stage(gpu, "adam_step_vectors", &[]) }
+            Adam { scalars: module.stage(gpu, &[]), vectors: module.stage(gpu, &[]) }
         })
     }
 
@@ -109,26 +110,24 @@ impl Adam {
         slots: usize,
         grouping: Grouping,
     ) -> Result<AdamTable, RenderError> {
-        let stage = match grouping {
-            Grouping::Scalars => &self.scalars,
-            Grouping::Vectors => &self.vectors,
-        };
         gpu.scoped(&format!("the moments of {length} parameters"), || {
-            let moments = buffers::zeroed(gpu, "moments", 2 * length);
+            let moments = &buffers::zeroed(gpu, "moments", 2 * length);
             let slots = (0..slots)
                 .map(|_| {
                     let uniforms = buffers::uniform(gpu, "adam", &AdamUniforms::zeroed());
-                    let buffers = [
-                        ("adam", &uniforms),
-                        ("parameters", parameters),
-                        ("gradients", gradients),
-                        ("moments", &moments),
-                    ];
-                    let bound = stage.bind(gpu, &buffers);
+                    let adam = &uniforms;
+                    let bound = match grouping {
+                        Grouping::Scalars => {
+                            self.scalars.bind(gpu, &AdamStepBindings { adam, parameters, gradients, moments })
+                        }
+                        Grouping::Vectors => {
+                            self.vectors.bind(gpu, &AdamStepVectorsBindings { adam, parameters, gradients, moments })
+                        }
+                    };
                     (uniforms, bound)
                 })
                 .collect();
-            AdamTable { moments, length, slots }
+            AdamTable { moments: moments.clone(), length, slots }
         })
     }
 }

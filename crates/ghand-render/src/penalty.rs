@@ -3,6 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 
 use crate::pipeline::{Bound, Module, compute_pass};
+use crate::stages::{AddPenalty, AddPenaltyBindings};
 use crate::{Gpu, buffers};
 
 /// See `shaders/penalty.wgsl`.
@@ -29,8 +30,8 @@ impl Penalty {
     /// A penalty on the first `count` numbers of `values`, added to the first of `gradients`. Its initial weight is 0.
     pub fn new(gpu: &Gpu, values: &wgpu::Buffer, gradients: &wgpu::Buffer, count: usize) -> Penalty {
         let uniforms = buffers::uniform(gpu, "penalty", &PenaltyUniforms::zeroed());
-        let buffers = [("penalty", &uniforms), ("values", values), ("gradients", gradients)];
-        let stage = Module::new(gpu, "penalty").stage(gpu, "add_penalty", &[]).bind(gpu, &buffers);
+        let bindings = AddPenaltyBindings { penalty: &uniforms, values, gradients };
+        let stage = Module::new(gpu, "penalty").stage::<AddPenalty>(gpu, &[]).bind(gpu, &bindings);
         Penalty { uniforms, stage, count: count as u32, weight: 0.0 }
     }
 

@@ -1,23 +1,20 @@
-//! Compute pipelines from WGSL, with buffers bound by their names in the shader.
+//! Compute pipelines from WGSL, bound by the structs in [`crate::stages`].
+
+use std::marker::PhantomData;
 
 use crate::Gpu;
-use crate::bindings::Bindings;
-use crate::shader_sources::Shader;
-
-/// The buffers of a stage, by name in the WGSL.
-pub type Buffers<'a> = [(&'a str, &'a wgpu::Buffer)];
+use crate::bindings::{ComputeEntry, bind_group};
+use crate::shader_sources::{Entry, Shader};
 
 /// One entry point of one shader, ready to be bound and dispatched.
 #[derive(Debug)]
-pub struct Stage {
-    label: &'static str,
+pub struct Stage<E> {
     pipeline: wgpu::ComputePipeline,
-    bindings: Bindings,
-    /// Invocations of a workgroup, at least 1.
-    workgroup: u32,
+    entry: &'static Entry,
+    program: PhantomData<E>,
 }
 
-/// A [`Stage`] with its buffers.
+/// A [`Stage`] with what it binds.
 #[derive(Debug)]
 pub struct Bound {
     label: &'static str,
@@ -48,40 +45,63 @@ impl Module {
     /// The stage of an entry point. `constants` are the source's `override` values.
     ///
     /// # Panics
-    /// Panics if the shader has no entry point of this name, which is a bug in the program.
-    pub fn stage(&self, gpu: &Gpu, entry: &'static str, constants: &[(&str, f64)]) -> Stage {
+    /// Panics if another shader has this entry point, which is a bug in the program.
+    pub fn stage<E: ComputeEntry>(&self, gpu: &Gpu, constants: &[(&str, f64)]) -> Stage<E> {
         let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some(entry),
+            label: Some(E::NAME),
             layout: None,
             module: &self.module,
-            entry_point: Some(entry),
+            entry_point: Some(E::NAME),
             compilation_options: wgpu::PipelineCompilationOptions {
                 constants,
                 zero_initialize_workgroup_memory: false,
             },
             cache: None,
         });
-        let workgroup = self.shader.entry(entry).workgroup.iter().product::<u32>().max(1);
-        Stage { label: entry, pipeline, bindings: Bindings::new(self.shader.name, &[entry]), workgroup }
+        Stage { pipeline, entry: self.shader.entry(E::NAME), program: PhantomData }
     }
 }
 
-impl Stage {
-    /// Binds buffers by their names in the WGSL. Buffers that the entry point does not use are ignored, so that all
-    /// stages of a shader can be given the same list.
+impl<E: ComputeEntry> Stage<E> {
+    /// Binds everything that the entry point uses:
     ///
-    /// # Panics
-    /// Panics if a buffer that the entry point uses is missing, which is a bug in the program.
-    pub fn bind(&self, gpu: &Gpu, buffers: &Buffers) -> Bound {
-        let resources: Vec<_> = buffers.iter().map(|(name, buffer)| (*name, buffer.as_entire_binding())).collect();
+    /// ```
+    /// use ghand_render::Gpu;
+    /// use ghand_render::pipeline::{Bound, Stage};
+    /// use ghand_render::stages::{AddPenalty, AddPenaltyBindings};
+    ///
+    /// fn bind(gpu: &Gpu, stage: &Stage<AddPenalty>, uniforms: &wgpu::Buffer, buffers: &[wgpu::Buffer; 2]) -> Bound {
+    ///     let [values, gradients] = buffers;
+    ///     stage.bind(gpu, &AddPenaltyBindings { penalty: uniforms, values, gradients })
+    /// }
+    /// ```
+    ///
+    /// A missing buffer does not compile:
+    ///
+    /// ```compile_fail,E0063
+    /// use ghand_render::Gpu;
+    /// use ghand_render::pipeline::{Bound, Stage};
+    /// use ghand_render::stages::{AddPenalty, AddPenaltyBindings};
+    ///
+    /// fn bind(gpu: &Gpu, stage: &Stage<AddPenalty>, uniforms: &wgpu::Buffer, buffers: &[wgpu::Buffer; 2]) -> Bound {
+    ///     let [values, gradients] = buffers;
+    ///     stage.bind(gpu, &AddPenaltyBindings { penalty: uniforms, values })
+    /// }
+    /// ```
+    pub fn bind(&self, gpu: &Gpu, bindings: &E::Bindings<'_>) -> Bound {
         let layout = self.pipeline.get_bind_group_layout(0);
-        let group = self.bindings.group(&gpu.device, self.label, &layout, &resources);
-        Bound { label: self.label, pipeline: self.pipeline.clone(), group, workgroup: self.workgroup }
+        let group = bind_group(&gpu.device, E::NAME, &layout, self.entry.bindings, bindings);
+        Bound { label: E::NAME, pipeline: self.pipeline.clone(), group, workgroup: self.workgroup() }
+    }
+
+    /// Invocations of a workgroup, at least 1.
+    fn workgroup(&self) -> u32 {
+        self.entry.workgroup.iter().product::<u32>().max(1)
     }
 
     /// Workgroups that `invocations` fill.
     pub fn groups(&self, invocations: u32) -> u32 {
-        invocations.div_ceil(self.workgroup)
+        invocations.div_ceil(self.workgroup())
     }
 }
 
@@ -106,9 +126,14 @@ impl Bound {
             return;
         }
         let rows = groups.div_ceil(MAX_GROUPS);
+        self.dispatch_grid(pass, [groups.div_ceil(rows), rows]);
+    }
+
+    /// Dispatches columns and rows of workgroups.
+    pub fn dispatch_grid(&self, pass: &mut wgpu::ComputePass<'_>, [columns, rows]: [u32; 2]) {
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, &self.group, &[]);
-        pass.dispatch_workgroups(groups.div_ceil(rows), rows, 1);
+        pass.dispatch_workgroups(columns, rows, 1);
     }
 }
 

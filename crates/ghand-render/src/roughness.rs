@@ -3,6 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 
 use crate::pipeline::{Bound, Module, compute_pass};
+use crate::stages::{AddRoughness, AddRoughnessBindings};
 use crate::{Gpu, buffers};
 
 /// See `shaders/roughness.wgsl`.
@@ -52,10 +53,9 @@ impl Roughness {
             ..RoughnessUniforms::zeroed()
         };
         let uniforms = buffers::uniform(gpu, "roughness", &current);
-        let neighbors = buffers::filled(gpu, "neighbors", neighbors);
-        let buffers =
-            [("roughness", &uniforms), ("neighbors", &neighbors), ("values", values), ("gradients", gradients)];
-        let stage = Module::new(gpu, "roughness").stage(gpu, "add_roughness", &[]).bind(gpu, &buffers);
+        let neighbors = &buffers::filled(gpu, "neighbors", neighbors);
+        let bindings = AddRoughnessBindings { roughness: &uniforms, neighbors, values, gradients };
+        let stage = Module::new(gpu, "roughness").stage::<AddRoughness>(gpu, &[]).bind(gpu, &bindings);
         Roughness { uniforms, stage, current }
     }
 

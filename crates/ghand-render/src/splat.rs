@@ -66,12 +66,12 @@ pub struct SplatOptions {
     /// Whether each Gaussian's largest weight in a pixel is found along with the image.
     pub largest_weights: bool,
     /// Which contributions are skipped.
-    pub cut_offs: CutOffs,
+    pub thresholds: Thresholds,
 }
 
 /// Contributions below these are skipped. The default is for training: it skips only what no display shows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-pub struct CutOffs {
+pub struct Thresholds {
     /// A Gaussian is not blended into pixels that it covers by less than this, 255ths; 1 to 254.
     pub alpha: u32,
     /// Bits of the depths by which Gaussians are sorted, 1 to 30: the highest of a float's bits. With 20 of them, depths
@@ -80,13 +80,13 @@ pub struct CutOffs {
     pub depth_bits: u32,
 }
 
-impl Default for CutOffs {
-    fn default() -> CutOffs {
-        CutOffs { alpha: 1, depth_bits: frame::DEPTH_BITS }
+impl Default for Thresholds {
+    fn default() -> Thresholds {
+        Thresholds { alpha: 1, depth_bits: frame::DEPTH_BITS }
     }
 }
 
-impl CutOffs {
+impl Thresholds {
     fn alpha_min(&self) -> (&'static str, f64) {
         ("ALPHA_MIN", f64::from(self.alpha.clamp(1, 254)) / 255.0)
     }
@@ -343,7 +343,7 @@ impl Splatter {
         // Each Gaussian of a hand touches three to four tiles; the buffer grows for views that need more.
         let capacity = (4 * count as u32).max(1024);
         let buffers = FrameBuffers::new(gpu, &options, &shared, count, max_size, capacity);
-        let frame = Frame::new(gpu, &pipelines, &buffers, options.cut_offs.depth_bits());
+        let frame = Frame::new(gpu, &pipelines, &buffers, options.thresholds.depth_bits());
         Splatter { pipelines, shared, frame, count, max_size, capacity, current, options, growth: None }
     }
 
@@ -539,7 +539,7 @@ impl Splatter {
         let what = format!("{capacity} tile intersections in {}", description(self.count, self.max_size));
         self.frame = gpu.scoped(&what, || {
             let buffers = FrameBuffers::new(gpu, &self.options, &self.shared, self.count, self.max_size, capacity);
-            Frame::new(gpu, &self.pipelines, &buffers, self.options.cut_offs.depth_bits())
+            Frame::new(gpu, &self.pipelines, &buffers, self.options.thresholds.depth_bits())
         })?;
         self.capacity = capacity;
         self.set_view(gpu, self.current)?;

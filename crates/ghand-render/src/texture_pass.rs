@@ -3,10 +3,11 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::bindings::Bindings;
+use crate::bindings::RenderBindings;
 use crate::shader_sources::Shader;
 use crate::splat::Splatter;
-use crate::{Gpu, RenderError, buffers};
+use crate::stages::TexturePassBindings;
+use crate::{Gpu, RenderError, buffers, stages};
 
 /// See `shaders/texture_pass.wgsl`.
 #[repr(C)]
@@ -77,7 +78,7 @@ impl DepthTarget {
 pub struct TexturePass {
     target: Target,
     pipeline: wgpu::RenderPipeline,
-    bindings: Bindings,
+    bindings: RenderBindings<stages::TexturePass>,
 }
 
 /// An image with its place in the target.
@@ -132,7 +133,7 @@ impl TexturePass {
             multiview_mask: None,
             cache: None,
         });
-        TexturePass { target, pipeline, bindings: Bindings::new("texture_pass", &["cover", entry]) }
+        TexturePass { target, pipeline, bindings: RenderBindings::new(&["cover", entry]) }
     }
 
     /// The image of a splatter, whose view must have a black background. It stays valid as long as the splatter.
@@ -150,13 +151,8 @@ impl TexturePass {
     /// depth.
     pub fn image_layer(&self, gpu: &Gpu, image: &wgpu::Buffer, depths: &wgpu::Buffer) -> ImageLayer {
         let place = buffers::uniform(gpu, "place", &Place::zeroed());
-        let resources = [
-            ("image", image.as_entire_binding()),
-            ("depths", depths.as_entire_binding()),
-            ("place", place.as_entire_binding()),
-        ];
-        let layout = self.pipeline.get_bind_group_layout(0);
-        ImageLayer { group: self.bindings.group(&gpu.device, "texture pass", &layout, &resources), place }
+        let bindings = TexturePassBindings { image, depths, place: &place };
+        ImageLayer { group: self.bindings.group(&gpu.device, &self.pipeline, &bindings), place }
     }
 
     /// Sets where later submissions draw a layer: left column and top row in the target; the image's columns and rows, as

@@ -7,9 +7,10 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::{ForwardBuffers, TablePlace};
+use super::{ForwardBuffers, Properties, TablePlace};
 use ghand_render::pipeline::{Bound, Module};
 use ghand_render::splat::{Shape, SplatModel};
+use ghand_render::stages::{BakedPose, BakedPoseBindings, BakedTerms, BakedTermsBindings};
 use ghand_render::{Gpu, buffers};
 
 /// Gaussians of a group.
@@ -284,7 +285,7 @@ impl Baked {
             padding_2: 0,
             padding_3: 0,
         };
-        let [uniforms, components, bends, terms, layout, words] = [
+        let [baked, components, bends, terms, layout_words, words] = &[
             buffers::uniform(gpu, "baked", &uniforms),
             buffers::filled(gpu, "components", &tables.components),
             buffers::filled(gpu, "bends", &tables.bends),
@@ -292,16 +293,7 @@ impl Baked {
             buffers::filled(gpu, "layout of the baked hand", &layout),
             buffers::filled(gpu, "words of the baked hand", &words),
         ];
-        let own = [
-            ("baked", &uniforms),
-            ("components", &components),
-            ("bends", &bends),
-            ("terms", &terms),
-            ("layout_words", &layout),
-            ("words", &words),
-            ("color", &b.properties.color),
-        ];
-        let all = [&b.named()[..], &own].concat();
+        let ForwardBuffers { pose, poses, chain, gaussians, properties: Properties { color, .. }, .. } = b;
         let flag = |on: bool| f64::from(u8::from(on));
         let constants = [
             ("VALUE_WORDS", tables.precision.value_words() as f64),
@@ -312,8 +304,13 @@ impl Baked {
         ];
         let module = Module::new(gpu, "baked");
         Baked {
-            terms: module.stage(gpu, "baked_terms", &[]).bind(gpu, &all),
-            pose: module.stage(gpu, "baked_pose", &constants).bind(gpu, &all),
+            terms: module
+                .stage::<BakedTerms>(gpu, &[])
+                .bind(gpu, &BakedTermsBindings { baked, chain, components, bends, terms }),
+            pose: module.stage::<BakedPose>(gpu, &constants).bind(
+                gpu,
+                &BakedPoseBindings { pose, baked, chain, poses, terms, layout_words, words, gaussians, color },
+            ),
             component_count: tables.components.len() as u32,
             group_count: tables.groups.len() as u32,
         }

@@ -4,6 +4,7 @@
 use bytemuck::{Pod, Zeroable};
 
 use ghand_render::pipeline::{Bound, Module};
+use ghand_render::stages::{JointSumsStrands, JointSumsStrandsBindings, JointSumsTotal, JointSumsTotalBindings};
 use ghand_render::{Gpu, buffers};
 
 /// See `shaders/joint_sums.wgsl`.
@@ -76,14 +77,17 @@ impl JointSums {
             right_rows: right_rows as u32,
             right_offset: offset,
         };
-        let uniforms = buffers::uniform(gpu, "joint sums", &sizes);
+        let sums = &buffers::uniform(gpu, "joint sums", &sizes);
         let outputs = left_rows * right_rows;
-        let strands = buffers::zeroed(gpu, "joint sum strands", outputs * Self::STRANDS);
+        let partial = &buffers::zeroed(gpu, "joint sum strands", outputs * Self::STRANDS);
         let total = buffers::zeroed(gpu, "joint sums", outputs);
-        let all = [("sums", &uniforms), ("left", left), ("right", right), ("partial", &strands), ("total", &total)];
         JointSums {
-            strands: module.stage(gpu, "joint_sums_strands", &constants).bind(gpu, &all),
-            finish: module.stage(gpu, "joint_sums_total", &[]).bind(gpu, &all),
+            strands: module
+                .stage::<JointSumsStrands>(gpu, &constants)
+                .bind(gpu, &JointSumsStrandsBindings { sums, left, right, partial }),
+            finish: module
+                .stage::<JointSumsTotal>(gpu, &[])
+                .bind(gpu, &JointSumsTotalBindings { sums, partial, total: &total }),
             groups: (left_rows.div_ceil(4) * right_rows.div_ceil(4)) as u32,
             outputs: outputs as u32,
             total,

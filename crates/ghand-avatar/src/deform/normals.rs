@@ -2,6 +2,7 @@
 
 use super::{ForwardBuffers, invocations_of_four};
 use ghand_render::pipeline::{Bound, Module};
+use ghand_render::stages::{SkinNormals, SkinNormalsBindings};
 use ghand_render::{Gpu, buffers};
 
 /// Rest normals and bones to posed normals.
@@ -17,11 +18,20 @@ impl Normals {
     pub fn new(gpu: &Gpu, b: &ForwardBuffers, rest_normals: &[f32]) -> Normals {
         let rest = buffers::filled(gpu, "rest normals", rest_normals);
         let normals = buffers::zeroed(gpu, "normals", rest_normals.len());
-        let all = [&[("rest_normals", &rest), ("normals", &normals)], &b.named()[..]].concat();
+        let module = Module::new(gpu, "normals");
         Normals {
-            skin_normals: Module::new(gpu, "normals")
-                .stage(gpu, "skin_normals", &b.properties.sizes.skinning())
-                .bind(gpu, &all),
+            skin_normals: module.stage::<SkinNormals>(gpu, &b.properties.sizes.skinning()).bind(
+                gpu,
+                &SkinNormalsBindings {
+                    pose: &b.pose,
+                    residual_weights: &b.properties.residual_weights,
+                    chain: &b.chain,
+                    residual_chain: &b.residual_chain,
+                    rest_normals: &rest,
+                    normals: &normals,
+                    weights: &b.weights,
+                },
+            ),
             invocations: invocations_of_four(b.properties.sizes.gaussians),
             normals,
         }

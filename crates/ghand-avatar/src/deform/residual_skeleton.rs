@@ -5,6 +5,10 @@ use super::joint_sums::JointSums;
 use super::{BackwardBuffers, ForwardBuffers, MOMENT_ROWS, ROW_MOMENT, invocations_of_four};
 use ghand_render::Gpu;
 use ghand_render::pipeline::{Bound, Module};
+use ghand_render::stages::{
+    self, PlaceResidualJoints, PlaceResidualJointsBindings, ResidualJointsBackward, ResidualJointsBackwardBindings,
+    ResidualSkeletonBackwardBindings, ResidualSkeletonBindings,
+};
 
 /// From offsets to residual joints and their chain.
 pub struct ResidualSkeleton {
@@ -19,16 +23,16 @@ impl ResidualSkeleton {
         let sizes = b.properties.sizes;
         let regress = JointSums::new(gpu, &b.properties.regressor, sizes.joints, &b.offsets, 0, 3, sizes.gaussians);
         let module = Module::new(gpu, "residual_skeleton");
-        let own = [
-            ("regressed", &regress.total),
-            ("rest_joints", &b.joints),
-            ("joints", &b.residual_joints),
-            ("chain", &b.residual_chain),
-        ];
-        let all = [&own[..], &b.named()[..]].concat();
+        let ForwardBuffers { pose, poses, parents, joints, residual_joints, residual_chain, .. } = b;
         ResidualSkeleton {
-            place: module.stage(gpu, "place_residual_joints", &[]).bind(gpu, &all),
-            chain: module.stage(gpu, "residual_skeleton", &[]).bind(gpu, &all),
+            place: module.stage::<PlaceResidualJoints>(gpu, &[]).bind(
+                gpu,
+                &PlaceResidualJointsBindings { pose, rest_joints: joints, regressed: &regress.total, residual_joints },
+            ),
+            chain: module.stage::<stages::ResidualSkeleton>(gpu, &[]).bind(
+                gpu,
+                &ResidualSkeletonBindings { pose, poses, parents, joints: residual_joints, chain: residual_chain },
+            ),
             regress,
             joints: sizes.joints as u32,
         }
@@ -55,16 +59,30 @@ impl ResidualSkeletonBackward {
         let weights = &b.properties.residual_weights;
         let bone_sums = JointSums::new(gpu, weights, sizes.joints, &d.d_skin, ROW_MOMENT, MOMENT_ROWS, sizes.gaussians);
         let module = Module::new(gpu, "residual_skeleton_backward");
-        let own = [
-            ("d_bones", &bone_sums.total),
-            ("joints", &b.residual_joints),
-            ("chain", &b.residual_chain),
-            ("d_joints", &d.d_residual_joints),
-        ];
-        let all = [&own[..], &b.named()[..], &d.named()[..]].concat();
         ResidualSkeletonBackward {
-            chain: module.stage(gpu, "residual_skeleton_backward", &[]).bind(gpu, &all),
-            joints: module.stage(gpu, "residual_joints_backward", &[]).bind(gpu, &all),
+            chain: module.stage::<stages::ResidualSkeletonBackward>(gpu, &[]).bind(
+                gpu,
+                &ResidualSkeletonBackwardBindings {
+                    pose: &b.pose,
+                    parents: &b.parents,
+                    joints: &b.residual_joints,
+                    chain: &b.residual_chain,
+                    d_bones: &bone_sums.total,
+                    d_local: &d.d_local,
+                    d_joints: &d.d_residual_joints,
+                },
+            ),
+            joints: module.stage::<ResidualJointsBackward>(gpu, &[]).bind(
+                gpu,
+                &ResidualJointsBackwardBindings {
+                    pose: &b.pose,
+                    regressor: &b.properties.regressor,
+                    d_residual_joints: &d.d_residual_joints,
+                    d_regressor: &d.gradients.regressor,
+                    offsets: &b.offsets,
+                    d_skin: &d.d_skin,
+                },
+            ),
             bone_sums,
             invocations: invocations_of_four(sizes.gaussians),
         }

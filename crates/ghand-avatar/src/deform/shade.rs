@@ -1,7 +1,9 @@
 //! Host part of `shade.wgsl`: lights the colours of a hand.
 
 use super::{BackwardBuffers, ForwardBuffers, LitSurface};
-use ghand_render::pipeline::{Bound, Module};
+use ghand_render::bindings::ComputeEntry;
+use ghand_render::pipeline::{Bound, Module, Stage};
+use ghand_render::stages::{LightColors, LightColorsBackward, LightColorsBackwardBindings, LightColorsBindings};
 use ghand_render::{Gpu, RenderError, buffers};
 
 /// From unlit colours to those in the splatter's table.
@@ -24,22 +26,13 @@ struct ShadeBuffers {
 }
 
 impl ShadeBuffers {
-    fn named(&self) -> [(&str, &wgpu::Buffer); 4] {
-        [
-            ("corners", &self.corners),
-            ("barycentric", &self.barycentric),
-            ("vertex_shades", &self.vertex_shades),
-            ("vertex_gloss", &self.vertex_gloss),
-        ]
-    }
-
-    fn bind(&self, gpu: &Gpu, stage: &'static str, others: &[(&str, &wgpu::Buffer)]) -> Bound {
+    fn stage<E: ComputeEntry>(&self, gpu: &Gpu) -> Stage<E> {
         let constants = [
             ("VERTEX_COUNT", self.vertex_count as f64),
             ("GLOSSY", f64::from(u8::from(self.glossy))),
             ("ROW_COLOR", self.color_row as f64),
         ];
-        Module::new(gpu, "shade").stage(gpu, stage, &constants).bind(gpu, &[&self.named()[..], others].concat())
+        Module::new(gpu, "shade").stage(gpu, &constants)
     }
 }
 
@@ -63,8 +56,18 @@ impl Shade {
             glossy: surface.glossy,
             color_row,
         };
-        let others = [&b.named()[..], &[("color", &b.properties.color)]].concat();
-        let light_colors = buffers.bind(gpu, "light_colors", &others);
+        let light_colors = buffers.stage::<LightColors>(gpu).bind(
+            gpu,
+            &LightColorsBindings {
+                pose: &b.pose,
+                corners: &buffers.corners,
+                barycentric: &buffers.barycentric,
+                vertex_shades: &buffers.vertex_shades,
+                color: &b.properties.color,
+                gaussians: &b.gaussians,
+                vertex_gloss: &buffers.vertex_gloss,
+            },
+        );
         Shade { buffers, light_colors, count: b.properties.sizes.gaussians as u32, frames }
     }
 
@@ -105,12 +108,21 @@ pub struct ShadeBackward {
 
 impl ShadeBackward {
     pub fn new(gpu: &Gpu, forward: &Shade, b: &ForwardBuffers, d: &BackwardBuffers) -> ShadeBackward {
-        let colors = [("color", &b.properties.color), ("d_color", &d.gradients.color)];
-        let others = [&b.named()[..], &d.named()[..], &colors].concat();
-        ShadeBackward {
-            light_colors: forward.buffers.bind(gpu, "light_colors_backward", &others),
-            count: forward.count,
-        }
+        let buffers = &forward.buffers;
+        let light_colors = buffers.stage::<LightColorsBackward>(gpu).bind(
+            gpu,
+            &LightColorsBackwardBindings {
+                pose: &b.pose,
+                corners: &buffers.corners,
+                barycentric: &buffers.barycentric,
+                vertex_shades: &buffers.vertex_shades,
+                color: &b.properties.color,
+                d_gaussians: &d.d_gaussians,
+                d_color: &d.gradients.color,
+                vertex_gloss: &buffers.vertex_gloss,
+            },
+        );
+        ShadeBackward { light_colors, count: forward.count }
     }
 
     pub fn encode(&self, pass: &mut wgpu::ComputePass<'_>) {

@@ -5,6 +5,9 @@ use super::joint_sums::JointSums;
 use super::{BackwardBuffers, ForwardBuffers, MOMENT_ROWS, ROW_MOMENT};
 use ghand_render::Gpu;
 use ghand_render::pipeline::{Bound, Module};
+use ghand_render::stages::{
+    self, RotationBackward, RotationBackwardBindings, SkeletonBackwardBindings, SkeletonBindings,
+};
 
 /// From pose to joint chain.
 pub struct Skeleton {
@@ -14,7 +17,9 @@ pub struct Skeleton {
 impl Skeleton {
     /// Reads poses, parents and joints; fills the chain.
     pub fn new(gpu: &Gpu, b: &ForwardBuffers) -> Skeleton {
-        Skeleton { skeleton: Module::new(gpu, "skeleton").stage(gpu, "skeleton", &[]).bind(gpu, &b.named()) }
+        let ForwardBuffers { pose, poses, parents, joints, chain, .. } = b;
+        let bindings = SkeletonBindings { pose, poses, parents, joints, chain };
+        Skeleton { skeleton: Module::new(gpu, "skeleton").stage::<stages::Skeleton>(gpu, &[]).bind(gpu, &bindings) }
     }
 
     pub fn encode(&self, pass: &mut wgpu::ComputePass<'_>) {
@@ -36,10 +41,26 @@ impl SkeletonBackward {
         let bone_sums =
             JointSums::of_weights(gpu, &b.weights, sizes.joints, &d.d_skin, ROW_MOMENT, MOMENT_ROWS, sizes.gaussians);
         let module = Module::new(gpu, "skeleton_backward");
-        let all = [&[("d_bones", &bone_sums.total)], &b.named()[..], &d.named()[..]].concat();
+        let ForwardBuffers { pose, poses, parents, joints, chain, .. } = b;
+        let BackwardBuffers { d_residual_joints, d_joints, d_local, d_pose, mobility, .. } = d;
         SkeletonBackward {
-            skeleton: module.stage(gpu, "skeleton_backward", &[]).bind(gpu, &all),
-            rotations: module.stage(gpu, "rotation_backward", &[]).bind(gpu, &all),
+            skeleton: module.stage::<stages::SkeletonBackward>(gpu, &[]).bind(
+                gpu,
+                &SkeletonBackwardBindings {
+                    pose,
+                    parents,
+                    joints,
+                    chain,
+                    d_bones: &bone_sums.total,
+                    d_local,
+                    d_joints,
+                    d_pose,
+                    d_residual_joints,
+                },
+            ),
+            rotations: module
+                .stage::<RotationBackward>(gpu, &[])
+                .bind(gpu, &RotationBackwardBindings { pose, poses, d_local, d_pose, mobility }),
             bone_sums,
             joints: sizes.joints as u32,
         }

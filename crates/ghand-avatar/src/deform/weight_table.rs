@@ -1,7 +1,7 @@
 //! Skinning weights as the device has them, host part of `shared/weights.wgsl`: with lists of which joints move which
 //! Gaussians, since a hand's joint moves few.
 
-/// Gaussians of a block, as in `shared/four.wgsl`: the joints that move any of them are listed together.
+/// Gaussians of a block, as in `shared/points4.wgsl`: the joints that move any of them are listed together.
 pub const BLOCK: usize = 32;
 /// Joints that are summed over together, as in `joint_sums.wgsl`.
 const JOINTS: usize = 4;

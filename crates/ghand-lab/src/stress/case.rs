@@ -8,7 +8,7 @@ use ghand_avatar::scene::OPACITY;
 use ghand_avatar::{Avatar, GaussianShape, PropertyTables, Scene};
 use ghand_core::{Camera, Pose};
 use ghand_render::reference::project::Gaussian;
-use ghand_render::reference::rasterize::{CutOffs, Scene as SplatTwin};
+use ghand_render::reference::rasterize::{Scene as SplatTwin, Thresholds};
 use ghand_render::splat::{NEAR, Purpose, SplatModel};
 use ghand_render::{Gpu, buffers};
 use glam::DVec3;
@@ -31,7 +31,7 @@ pub const STAGES: [&str; 5] = [
 /// Most roundings of each stage that count as correct.
 pub const BOUNDS: [f64; 5] = [200.0, 20.0, 30_000.0, 30_000.0, 100.0];
 
-/// Factors on the cut-offs of blending: what they change is decided by rounding.
+/// Factors on the thresholds of blending: what they change is decided by rounding.
 pub const LOWER: f64 = 0.99;
 pub const HIGHER: f64 = 1.01;
 /// Gaussians whose depths differ by less than this many units in the last place can be drawn in either order.
@@ -312,12 +312,18 @@ impl<'a> StressSubject<'a> {
     }
 }
 
-/// The twin of a picture, with this factor on the cut-offs of blending.
+/// The twin of a picture, with this factor on the thresholds of blending.
 pub fn twin_of<'a>(gaussians: &'a [Gaussian], camera: &'a Camera, antialias: bool, cut: f64) -> SplatTwin<'a> {
     let background = DVec3::from(BACKGROUND.map(f64::from));
-    let cuts = CutOffs::default();
-    let [alpha_min, transmittance_min] = [cuts.alpha_min, cuts.transmittance_min].map(|limit| limit * cut);
-    SplatTwin { gaussians, camera, background, antialias, cuts: CutOffs { alpha_min, transmittance_min, ..cuts } }
+    let usual = Thresholds::default();
+    let [alpha_min, transmittance_min] = [usual.alpha_min, usual.transmittance_min].map(|limit| limit * cut);
+    SplatTwin {
+        gaussians,
+        camera,
+        background,
+        antialias,
+        thresholds: Thresholds { alpha_min, transmittance_min, ..usual },
+    }
 }
 
 fn twin<'a>(gaussians: &'a [Gaussian], camera: &'a Camera, model: &SplatModel) -> SplatTwin<'a> {

@@ -50,7 +50,7 @@ pub fn differences(image: &[[f32; 4]], exact: &[[f64; 4]]) -> Vec<f64> {
     image.iter().zip(exact).map(of).collect()
 }
 
-/// Which pixels of some images of the same view differ at all: where cut-offs that are a little lower and higher change
+/// Which pixels of some images of the same view differ at all: where thresholds that are a little lower and higher change
 /// something, rounding may decide.
 pub fn undecided(images: [&[[f64; 4]]; 3]) -> Vec<bool> {
     let [low, exact, high] = images;

@@ -95,7 +95,8 @@ pub fn measure(
     let mut measured: Vec<Measured> = vec![];
     for variant in variants {
         let before = allocated(gpu);
-        let options = SplatOptions { purpose: Purpose::Images, cut_offs: variant.cut_offs, ..SplatOptions::default() };
+        let options =
+            SplatOptions { purpose: Purpose::Images, thresholds: variant.thresholds, ..SplatOptions::default() };
         let mut scene = Scene::with_options(gpu, &[variant.avatar.as_ref()], 1, size, options)?;
         let mut all: Vec<ImageSimilarity> = vec![];
         for truth in &truths {

@@ -8,7 +8,7 @@ use ghand_avatar::{Avatar, AvatarConfig, Bake, PropertyTables};
 use ghand_capture::Capture;
 use ghand_core::Pose;
 use ghand_render::Gpu;
-use ghand_render::splat::CutOffs;
+use ghand_render::splat::Thresholds;
 
 use ghand_app::baked::RANK;
 use ghand_app::commands::bake::pose_set::PoseSet;
@@ -25,8 +25,8 @@ pub struct Variant {
     pub avatar: Arc<Avatar>,
     /// The picture is drawn at this part of its width and height, and enlarged.
     pub image_scale: f64,
-    /// What the splatter neglects.
-    pub cut_offs: CutOffs,
+    /// Which contributions the splatter skips.
+    pub thresholds: Thresholds,
     /// Size of its file, bytes.
     pub bytes: usize,
 }
@@ -40,7 +40,7 @@ const KEPT: [(usize, usize); 5] = [(1, 1), (1, 4), (1, 16), (1, 64), (0, 1)];
 const RANKS: [usize; 2] = [RANK, 2];
 /// Image scales below 1.
 const SCALES: [f64; 2] = [0.75, 0.5];
-/// Coarser cut-offs of the splatter: 255ths of alpha, and bits of depth.
+/// Coarser thresholds of the splatter: 255ths of alpha, and bits of depth.
 const ALPHAS: [u32; 3] = [2, 4, 8];
 const DEPTH_BITS: [u32; 2] = [20, 10];
 
@@ -72,24 +72,24 @@ pub fn variants(
     let mut all = vec![];
     for (file, avatar) in avatars {
         let exact = Arc::new(avatar.clone());
-        let mut add_cut =
-            |text: String, knob: &'static str, avatar: &Arc<Avatar>, image_scale: f64, cut_offs: CutOffs| {
+        let mut add_with =
+            |text: String, knob: &'static str, avatar: &Arc<Avatar>, image_scale: f64, thresholds: Thresholds| {
                 let name = if file.is_empty() { text } else { format!("{file}: {text}") };
                 let bytes = avatar.file_size()?;
-                all.push(Variant { name, knob, bytes, avatar: avatar.clone(), image_scale, cut_offs });
+                all.push(Variant { name, knob, bytes, avatar: avatar.clone(), image_scale, thresholds });
                 anyhow::Ok(())
             };
-        add_cut("exact".into(), "exact", &exact, 1.0, CutOffs::default())?;
+        add_with("exact".into(), "exact", &exact, 1.0, Thresholds::default())?;
         for alpha in ALPHAS {
-            let cut_offs = CutOffs { alpha, ..CutOffs::default() };
-            add_cut(format!("alpha from {alpha}/255"), "cut-offs", &exact, 1.0, cut_offs)?;
+            let thresholds = Thresholds { alpha, ..Thresholds::default() };
+            add_with(format!("alpha from {alpha}/255"), "cut-offs", &exact, 1.0, thresholds)?;
         }
         for depth_bits in DEPTH_BITS {
-            let cut_offs = CutOffs { depth_bits, ..CutOffs::default() };
-            add_cut(format!("{depth_bits} bits of depth"), "cut-offs", &exact, 1.0, cut_offs)?;
+            let thresholds = Thresholds { depth_bits, ..Thresholds::default() };
+            add_with(format!("{depth_bits} bits of depth"), "cut-offs", &exact, 1.0, thresholds)?;
         }
         let mut add = |text: String, knob: &'static str, avatar: &Arc<Avatar>, image_scale: f64| {
-            add_cut(text, knob, avatar, image_scale, CutOffs::default())
+            add_with(text, knob, avatar, image_scale, Thresholds::default())
         };
         let antialias = !avatar.config.antialias;
         let config = AvatarConfig { antialias, ..avatar.config.clone() };

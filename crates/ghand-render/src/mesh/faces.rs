@@ -7,8 +7,9 @@ use glam::{DVec2, DVec3};
 use wgpu::util::DeviceExt;
 
 use super::{Context, MAX_LIGHTS, MeshInstance, NEAR_PLANE, Shading, Surface, Targets, color_target};
-use crate::bindings::Bindings;
+use crate::bindings::RenderBindings;
 use crate::shader_sources::Shader;
+use crate::stages::{Mesh, MeshBindings};
 
 /// Vertex in the layout of `mesh.wgsl`.
 #[repr(C)]
@@ -49,7 +50,7 @@ const DEPTH_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 #[derive(Debug)]
 pub(super) struct Faces {
     pipeline: wgpu::RenderPipeline,
-    bindings: Bindings,
+    bindings: RenderBindings<Mesh>,
 }
 
 impl Faces {
@@ -88,7 +89,7 @@ impl Faces {
             multiview_mask: None,
             cache: None,
         });
-        Faces { pipeline, bindings: Bindings::new("mesh", &["vertex", "fragment"]) }
+        Faces { pipeline, bindings: RenderBindings::new(&["vertex", "fragment"]) }
     }
 
     /// Fills `targets.color` and `targets.face_depth`. `camera` is the camera of the targets.
@@ -108,12 +109,8 @@ impl Faces {
             // Bound because the pipeline requires a texture, but not read.
             Surface::VertexColors(_) | Surface::Color(_) => context.upload_texture(&Texture::plain([0; 3])),
         };
-        let resources = [
-            ("uniforms", uniforms.as_entire_binding()),
-            ("color_texture", wgpu::BindingResource::TextureView(&texture)),
-        ];
-        let layout = self.pipeline.get_bind_group_layout(0);
-        let bindings = self.bindings.group(&context.device, "mesh", &layout, &resources);
+        let bindings = MeshBindings { uniforms: &uniforms, color_texture: &texture };
+        let group = self.bindings.group(&context.device, &self.pipeline, &bindings);
         let depth = context.target("mesh depth", targets.size, DEPTH_FORMAT);
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("mesh"),
@@ -131,7 +128,7 @@ impl Faces {
         let vertices = context.buffer(bytemuck::cast_slice(&vertices(mesh, camera)), wgpu::BufferUsages::VERTEX);
         let indices = context.buffer(bytemuck::cast_slice(mesh.triangles), wgpu::BufferUsages::INDEX);
         pass.set_pipeline(&self.pipeline);
-        pass.set_bind_group(0, &bindings, &[]);
+        pass.set_bind_group(0, &group, &[]);
         pass.set_vertex_buffer(0, vertices.slice(..));
         pass.set_index_buffer(indices.slice(..), wgpu::IndexFormat::Uint32);
         pass.draw_indexed(0..mesh.triangles.len() as u32 * 3, 0, 0..1);

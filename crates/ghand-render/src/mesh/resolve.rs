@@ -5,9 +5,8 @@ use ghand_core::Camera;
 use glam::DVec3;
 
 use super::{Context, MeshError, MeshImage, MeshStyle, NEAR_PLANE, Targets};
-use crate::bindings::Bindings;
-use crate::shader_sources::Shader;
-use crate::{RenderError, buffers};
+use crate::pipeline::{Module, Stage};
+use crate::{Gpu, RenderError, buffers, stages};
 
 /// `ResolveUniforms` of `mesh_resolve.wgsl`.
 #[repr(C)]
@@ -53,22 +52,12 @@ const DEPTH_BYTES: usize = 4;
 /// Resolves samples to images.
 #[derive(Debug)]
 pub(super) struct Resolve {
-    pipeline: wgpu::ComputePipeline,
-    bindings: Bindings,
+    stage: Stage<stages::Resolve>,
 }
 
 impl Resolve {
-    pub fn new(device: &wgpu::Device) -> Resolve {
-        let module = Shader::named("mesh_resolve").module(device);
-        let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some("mesh resolve"),
-            layout: None,
-            module: &module,
-            entry_point: Some("resolve"),
-            compilation_options: Default::default(),
-            cache: None,
-        });
-        Resolve { pipeline, bindings: Bindings::new("mesh_resolve", &["resolve"]) }
+    pub fn new(gpu: &Gpu) -> Resolve {
+        Resolve { stage: Module::new(gpu, "mesh_resolve").stage(gpu, &[]) }
     }
 
     /// Encodes the resolve of the samples to an image, without the `margin` pixels around it.
@@ -97,23 +86,20 @@ impl Resolve {
         let output = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
         let colors = context.image_buffer(pixels * COLOR_BYTES, output);
         let depths = context.image_buffer(pixels * DEPTH_BYTES, output);
-        let texture = wgpu::BindingResource::TextureView;
-        let resources = [
-            ("uniforms", uniforms.as_entire_binding()),
-            ("face_colors", texture(&targets.color)),
-            ("face_depths", texture(&targets.face_depth)),
-            ("line_coverages", texture(&targets.coverage)),
-            ("line_depths", texture(&targets.line_depth)),
-            ("image", colors.as_entire_binding()),
-            ("depths", depths.as_entire_binding()),
-        ];
-        let layout = self.pipeline.get_bind_group_layout(0);
-        let bindings = self.bindings.group(&context.device, "mesh resolve", &layout, &resources);
-        let mut pass = encoder.begin_compute_pass(&Default::default());
-        pass.set_pipeline(&self.pipeline);
-        pass.set_bind_group(0, &bindings, &[]);
-        pass.dispatch_workgroups(camera.width.div_ceil(8), camera.height.div_ceil(8), 1);
-        drop(pass);
+        let bound = self.stage.bind(
+            &context.gpu,
+            &stages::ResolveBindings {
+                uniforms: &uniforms,
+                face_colors: &targets.color,
+                face_depths: &targets.face_depth,
+                line_coverages: &targets.coverage,
+                line_depths: &targets.line_depth,
+                image: &colors,
+                depths: &depths,
+            },
+        );
+        let groups = [camera.width, camera.height].map(|edge| edge.div_ceil(8));
+        bound.dispatch_grid(&mut encoder.begin_compute_pass(&Default::default()), groups);
         Resolved { pixels, colors, depths }
     }
 }

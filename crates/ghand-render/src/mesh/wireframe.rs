@@ -4,8 +4,9 @@ use bytemuck::{Pod, Zeroable};
 
 use super::edges::Segment;
 use super::{Context, NEAR_PLANE, Targets, color_target};
-use crate::bindings::Bindings;
+use crate::bindings::RenderBindings;
 use crate::shader_sources::Shader;
+use crate::stages::{Wireframe, WireframeBindings};
 
 /// A line in the layout of `wireframe.wgsl`.
 #[repr(C)]
@@ -45,7 +46,7 @@ pub(super) const LINE_DEPTH_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::D
 pub(super) struct Lines {
     cover: wgpu::RenderPipeline,
     depth: wgpu::RenderPipeline,
-    bindings: Bindings,
+    bindings: RenderBindings<Wireframe>,
 }
 
 impl Lines {
@@ -100,7 +101,7 @@ impl Lines {
             bias: Default::default(),
         };
         Lines {
-            bindings: Bindings::new("wireframe", &["line_vertex", "line_coverage", "line_depth"]),
+            bindings: RenderBindings::new(&["line_vertex", "line_coverage", "line_depth"]),
             cover: pipeline("line_coverage", &[Some(coverage)], None),
             depth: pipeline("line_depth", &[], Some(nearest)),
         }
@@ -131,14 +132,10 @@ impl Lines {
             .then(|| context.buffer(bytemuck::cast_slice(&instances), wgpu::BufferUsages::VERTEX));
         let draw = |pass: &mut wgpu::RenderPass<'_>, pipeline: &wgpu::RenderPipeline| {
             let Some(lines) = &lines else { return };
-            let resources = [
-                ("uniforms", uniforms.as_entire_binding()),
-                ("face_depths", wgpu::BindingResource::TextureView(&targets.face_depth)),
-            ];
-            let layout = pipeline.get_bind_group_layout(0);
-            let bindings = self.bindings.group(&context.device, "wireframe", &layout, &resources);
+            let bindings = WireframeBindings { uniforms: &uniforms, face_depths: &targets.face_depth };
+            let group = self.bindings.group(&context.device, pipeline, &bindings);
             pass.set_pipeline(pipeline);
-            pass.set_bind_group(0, &bindings, &[]);
+            pass.set_bind_group(0, &group, &[]);
             pass.set_vertex_buffer(0, lines.slice(..));
             pass.draw(0..4, 0..instances.len() as u32);
         };

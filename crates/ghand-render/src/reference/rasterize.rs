@@ -10,9 +10,9 @@ use crate::splat::TILE_SIZE;
 pub(super) const ALPHA_MAX: f64 = 0.99;
 pub(super) const TRANSMITTANCE_MIN: f64 = 1e-4;
 
-/// The cut-offs of blending. Tests with finite differences set them so that the image is smooth.
+/// The thresholds of blending. Tests with finite differences set them so that the image is smooth.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct CutOffs {
+pub struct Thresholds {
     /// Contributions with a smaller alpha are skipped.
     pub alpha_min: f64,
     /// Upper bound of alpha.
@@ -23,11 +23,11 @@ pub struct CutOffs {
     pub tiled: bool,
 }
 
-impl Default for CutOffs {
+impl Default for Thresholds {
     fn default() -> Self {
         // As the device rounds it: two contributions of just this much leave 1e-4 of the light, less on the device.
         let alpha_max = f64::from(ALPHA_MAX as f32);
-        CutOffs { alpha_min: ALPHA_MIN, alpha_max, transmittance_min: TRANSMITTANCE_MIN, tiled: true }
+        Thresholds { alpha_min: ALPHA_MIN, alpha_max, transmittance_min: TRANSMITTANCE_MIN, tiled: true }
     }
 }
 
@@ -42,11 +42,11 @@ pub struct Scene<'a> {
     pub background: DVec3,
     /// Whether opacity compensates for the screen-space blur.
     pub antialias: bool,
-    /// The cut-offs.
-    pub cuts: CutOffs,
+    /// The thresholds of blending.
+    pub thresholds: Thresholds,
 }
 
-/// Gaussian weight and alpha (before the upper cut) of a splat at a pixel centre.
+/// Gaussian weight and alpha (before its upper bound) of a splat at a pixel centre.
 fn raw_alpha(s: &Splat, at: DVec2) -> f64 {
     let d = s.mean - at;
     s.opacity * (-0.5 * (s.conic.x * d.x * d.x + s.conic.z * d.y * d.y) - s.conic.y * d.x * d.y).exp()
@@ -60,7 +60,7 @@ struct Lists {
 impl Scene<'_> {
     fn lists(&self) -> Lists {
         let mut splats: Vec<_> = self.gaussians.iter().map(|g| project(g, self.camera, self.antialias)).collect();
-        if !self.cuts.tiled {
+        if !self.thresholds.tiled {
             splats.iter_mut().flatten().for_each(|s| s.reach = DVec2::splat(1e9));
         }
         let tiles = bin(&splats, self.camera);
@@ -77,12 +77,12 @@ impl Scene<'_> {
         for &index in &lists.tiles[tile as usize] {
             let Some(splat) = &lists.splats[index as usize] else { continue };
             let raw = raw_alpha(splat, at);
-            let alpha = raw.min(self.cuts.alpha_max);
-            if alpha < self.cuts.alpha_min {
+            let alpha = raw.min(self.thresholds.alpha_max);
+            if alpha < self.thresholds.alpha_min {
                 continue;
             }
             let next = transmittance * (1.0 - alpha);
-            if next <= self.cuts.transmittance_min {
+            if next <= self.thresholds.transmittance_min {
                 break;
             }
             taken.push((index, splat, raw, transmittance));
@@ -100,7 +100,7 @@ impl Scene<'_> {
                 let (taken, transmittance) = self.pixel(&lists, x, y);
                 let mut color = self.background * transmittance;
                 for (_, splat, raw, before) in taken {
-                    color += splat.color * raw.min(self.cuts.alpha_max) * before;
+                    color += splat.color * raw.min(self.thresholds.alpha_max) * before;
                 }
                 image.push([color.x, color.y, color.z, 1.0 - transmittance]);
             }
@@ -115,7 +115,7 @@ impl Scene<'_> {
         for (y, x) in (0..self.camera.height).flat_map(|y| (0..self.camera.width).map(move |x| (y, x))) {
             for (index, _, raw, before) in self.pixel(&lists, x, y).0 {
                 let slot = &mut largest[index as usize];
-                *slot = slot.max(raw.min(self.cuts.alpha_max) * before);
+                *slot = slot.max(raw.min(self.thresholds.alpha_max) * before);
             }
         }
         largest
@@ -128,8 +128,10 @@ impl Scene<'_> {
         let pixels = (0..self.camera.height).flat_map(|y| (0..self.camera.width).map(move |x| (x, y)));
         let depth = |(x, y)| {
             let (taken, transmittance) = self.pixel(&lists, x, y);
-            let sum: f64 =
-                taken.iter().map(|(_, splat, raw, before)| splat.depth * raw.min(self.cuts.alpha_max) * before).sum();
+            let sum: f64 = taken
+                .iter()
+                .map(|(_, splat, raw, before)| splat.depth * raw.min(self.thresholds.alpha_max) * before)
+                .sum();
             if taken.is_empty() { 0.0 } else { sum / (1.0 - transmittance) }
         };
         pixels.map(depth).collect()
@@ -147,13 +149,13 @@ impl Scene<'_> {
                 let (taken, transmittance) = self.pixel(&lists, x, y);
                 let mut behind = transmittance * (self.background.dot(d_color) - d[3]);
                 for (index, splat, raw, before) in taken.into_iter().rev() {
-                    let alpha = raw.min(self.cuts.alpha_max);
+                    let alpha = raw.min(self.thresholds.alpha_max);
                     let value = splat.color.dot(d_color);
                     let d_alpha = before * value - behind / (1.0 - alpha);
                     behind += alpha * before * value;
                     let d_splat = &mut d_splats[index as usize];
                     d_splat.color += d_color * alpha * before;
-                    if raw <= self.cuts.alpha_max {
+                    if raw <= self.thresholds.alpha_max {
                         let d_power = d_alpha * raw;
                         let o = splat.mean - at;
                         d_splat.mean -= d_power
@@ -241,13 +243,13 @@ mod tests {
             let gaussians = random_scene(&mut rng, bases);
             let weights: Vec<[f64; 4]> =
                 (0..17 * 15).map(|_| std::array::from_fn(|_| rng.random_range(-1.0..1.0))).collect();
-            let cuts = CutOffs { alpha_min: 0.0, alpha_max: 2.0, transmittance_min: 0.0, tiled: false };
+            let thresholds = Thresholds { alpha_min: 0.0, alpha_max: 2.0, transmittance_min: 0.0, tiled: false };
             let background = DVec3::new(0.3, 0.1, 0.7);
             let loss = |gaussians: &[Gaussian], camera: &Camera| -> f64 {
-                let scene = Scene { gaussians, camera, background, antialias, cuts };
+                let scene = Scene { gaussians, camera, background, antialias, thresholds };
                 scene.rasterize().iter().zip(&weights).map(|(p, w)| (0..4).map(|c| p[c] * w[c]).sum::<f64>()).sum()
             };
-            let scene = Scene { gaussians: &gaussians, camera: &camera, background, antialias, cuts };
+            let scene = Scene { gaussians: &gaussians, camera: &camera, background, antialias, thresholds };
             let (gradient, d_camera) = scene.rasterize_vjp(&weights);
             let check = |analytic: f64, numeric: f64, what: String| {
                 let error = (analytic - numeric).abs() / (1.0 + numeric.abs());

@@ -4,8 +4,13 @@ use bytemuck::{Pod, Zeroable};
 
 use super::frame_buffers::FrameBuffers;
 use super::sort::{Order, Scan};
-use super::{Counters, sort};
+use super::{Counters, Shared, sort};
 use crate::pipeline::{Bound, Module, Stage};
+use crate::stages::{
+    CountByTile, CountByTileBindings, CountTiles, CountTilesBindings, EmitIntersections, EmitIntersectionsBindings,
+    FindTileRanges, FindTileRangesBindings, LimitIntersections, LimitIntersectionsBindings, PlaceByTile,
+    PlaceByTileBindings, ReadTileRanges, ReadTileRangesBindings,
+};
 use crate::{Gpu, buffers};
 
 /// Maximum number of tiles per Gaussian on Mesa's software rasteriser, which ends shader loops after 65,535 iterations;
@@ -29,17 +34,17 @@ pub struct StrandUniforms {
 }
 
 pub struct Pipelines {
-    count_tiles: Stage,
-    limit_intersections: Stage,
-    emit_intersections: Stage,
-    find_tile_ranges: Stage,
+    count_tiles: Stage<CountTiles>,
+    limit_intersections: Stage<LimitIntersections>,
+    emit_intersections: Stage<EmitIntersections>,
+    find_tile_ranges: Stage<FindTileRanges>,
     by_strands: Option<StrandPipelines>,
 }
 
 struct StrandPipelines {
-    count_by_tile: Stage,
-    place_by_tile: Stage,
-    read_tile_ranges: Stage,
+    count_by_tile: Stage<CountByTile>,
+    place_by_tile: Stage<PlaceByTile>,
+    read_tile_ranges: Stage<ReadTileRanges>,
 }
 
 impl Pipelines {
@@ -53,16 +58,16 @@ impl Pipelines {
         let most_tiles = if gpu.is_cpu() { SOFTWARE_TILES } else { u32::MAX };
         let bin = Module::new(gpu, "bin");
         Pipelines {
-            count_tiles: bin.stage(gpu, "count_tiles", &[("MOST_TILES", f64::from(most_tiles))]),
-            limit_intersections: bin.stage(gpu, "limit_intersections", &[]),
-            emit_intersections: bin.stage(gpu, "emit_intersections", &[]),
-            find_tile_ranges: bin.stage(gpu, "find_tile_ranges", &[]),
+            count_tiles: bin.stage(gpu, &[("MOST_TILES", f64::from(most_tiles))]),
+            limit_intersections: bin.stage(gpu, &[]),
+            emit_intersections: bin.stage(gpu, &[]),
+            find_tile_ranges: bin.stage(gpu, &[]),
             by_strands: by_strands.then(|| {
                 let module = Module::new(gpu, "bin_by_strands");
                 StrandPipelines {
-                    count_by_tile: module.stage(gpu, "count_by_tile", &[]),
-                    place_by_tile: module.stage(gpu, "place_by_tile", &[]),
-                    read_tile_ranges: module.stage(gpu, "read_tile_ranges", &[]),
+                    count_by_tile: module.stage(gpu, &[]),
+                    place_by_tile: module.stage(gpu, &[]),
+                    read_tile_ranges: module.stage(gpu, &[]),
                 }
             }),
         }
@@ -94,35 +99,50 @@ impl Stages {
         b: &FrameBuffers,
         depth_order: &wgpu::Buffer,
     ) -> Stages {
-        let (view, counters) = (&b.shared.view, &b.shared.counters);
-        let first_intersections = buffers::zeroed(gpu, "first intersections", b.count);
-        let all = [
-            ("view", view),
-            ("tile_rects", &b.tile_rects),
-            ("depth_order", depth_order),
-            ("first_intersections", &first_intersections),
-            ("counters", counters),
-            ("tile_ranges", &b.tile_ranges),
-        ];
+        let FrameBuffers { shared: Shared { view, counters, .. }, tile_rects, tile_ranges, .. } = b;
+        let first_intersections = &buffers::zeroed(gpu, "first intersections", b.count);
         let strands = sort.pieces(u64::from(b.capacity));
         let counter_count = u64::from(strands) * u64::from(b.tiles);
         let by_strands = pipelines.by_strands.as_ref().filter(|_| counter_count <= MOST_COUNTERS);
         let (lists, entries) = match by_strands {
             Some(p) => {
                 let uniforms = StrandUniforms { strands, ..StrandUniforms::zeroed() };
-                let uniforms = buffers::uniform(gpu, "strands", &uniforms);
-                let counts = buffers::zeroed(gpu, "tile counts", counter_count as usize);
+                let uniforms = &buffers::uniform(gpu, "strands", &uniforms);
+                let tile_counts = &buffers::zeroed(gpu, "tile counts", counter_count as usize);
                 let total = buffers::zeroed(gpu, "tile count total", 1);
                 let entries = buffers::zeroed(gpu, "entries", b.capacity as usize);
-                let all =
-                    [&all[..], &[("uniforms", &uniforms), ("tile_counts", &counts), ("entries", &entries)]].concat();
                 let lists = Lists::ByStrands {
                     strands: p.count_by_tile.groups(strands),
-                    count: p.count_by_tile.bind(gpu, &all),
-                    scan: sort.scan(gpu, &counts, counter_count as u32, &total, sort::FIRST_WORD),
-                    place: p.place_by_tile.bind(gpu, &all),
-                    read_ranges: p.read_tile_ranges.bind(gpu, &all),
-                    counts,
+                    count: p.count_by_tile.bind(
+                        gpu,
+                        &CountByTileBindings {
+                            view,
+                            uniforms,
+                            tile_rects,
+                            depth_order,
+                            first_intersections,
+                            counters,
+                            tile_counts,
+                        },
+                    ),
+                    scan: sort.scan(gpu, tile_counts, counter_count as u32, &total, sort::FIRST_WORD),
+                    place: p.place_by_tile.bind(
+                        gpu,
+                        &PlaceByTileBindings {
+                            view,
+                            uniforms,
+                            tile_rects,
+                            depth_order,
+                            first_intersections,
+                            counters,
+                            tile_counts,
+                            entries: &entries,
+                        },
+                    ),
+                    read_ranges: p
+                        .read_tile_ranges
+                        .bind(gpu, &ReadTileRangesBindings { view, uniforms, tile_counts, tile_ranges }),
+                    counts: tile_counts.clone(),
                 };
                 (lists, entries)
             }
@@ -133,20 +153,35 @@ impl Stages {
                 let bits = (u32::BITS - (b.tiles - 1).leading_zeros()).max(1);
                 let order = Order { counter: Counters::INTERSECTIONS, bits, numbered: false };
                 let sort = sort::Stages::new(gpu, sort, counters, order, &keys, &entries);
-                let [unsorted, sorted] = [0, sort.sorted()].map(|i| (&keys[i], &entries[i]));
-                let emitted = [&all[..], &[("tile_keys", unsorted.0), ("entries", unsorted.1)]].concat();
+                let sorted = sort.sorted();
                 let lists = Lists::BySort {
-                    emit: pipelines.emit_intersections.bind(gpu, &emitted),
-                    find_ranges: pipelines.find_tile_ranges.bind(gpu, &[&all[..], &[("tile_keys", sorted.0)]].concat()),
+                    emit: pipelines.emit_intersections.bind(
+                        gpu,
+                        &EmitIntersectionsBindings {
+                            view,
+                            tile_rects,
+                            depth_order,
+                            first_intersections,
+                            tile_keys: &keys[0],
+                            entries: &entries[0],
+                        },
+                    ),
+                    find_ranges: pipelines
+                        .find_tile_ranges
+                        .bind(gpu, &FindTileRangesBindings { view, counters, tile_keys: &keys[sorted], tile_ranges }),
                     sort,
                 };
-                (lists, sorted.1.clone())
+                (lists, entries[sorted].clone())
             }
         };
         Stages {
-            count_tiles: pipelines.count_tiles.bind(gpu, &all),
-            scan: sort.scan(gpu, &first_intersections, b.count as u32, counters, Counters::INTERSECTIONS_WANTED),
-            limit_intersections: pipelines.limit_intersections.bind(gpu, &all),
+            count_tiles: pipelines
+                .count_tiles
+                .bind(gpu, &CountTilesBindings { view, tile_rects, depth_order, first_intersections, counters }),
+            scan: sort.scan(gpu, first_intersections, b.count as u32, counters, Counters::INTERSECTIONS_WANTED),
+            limit_intersections: pipelines
+                .limit_intersections
+                .bind(gpu, &LimitIntersectionsBindings { view, counters }),
             lists,
             entries,
             count: b.count as u32,

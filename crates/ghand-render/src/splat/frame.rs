@@ -20,9 +20,9 @@ pub struct Pipelines {
 
 impl Pipelines {
     pub fn new(gpu: &Gpu, options: &SplatOptions) -> Pipelines {
-        let SplatOptions { model, purpose, cut_offs, .. } = options;
+        let SplatOptions { model, purpose, thresholds, .. } = options;
         Pipelines {
-            project: project::Pipelines::new(gpu, model, *purpose, cut_offs),
+            project: project::Pipelines::new(gpu, model, *purpose, thresholds),
             sort: sort::Pipelines::new(gpu),
             bin: bin::Pipelines::new(gpu),
             rasterize: rasterize::Pipelines::new(gpu, options),

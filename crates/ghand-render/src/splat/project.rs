@@ -1,46 +1,46 @@
 //! Host part of `project.wgsl`, `project_backward.wgsl` and `camera_gradient.wgsl`.
 
 use super::frame_buffers::{CAMERA_ROWS, FrameBuffers, gradient_cells};
-use super::{CutOffs, Purpose, SplatModel, frame};
+use super::{Purpose, SplatModel, Thresholds, frame};
 use crate::Gpu;
 use crate::pipeline::{Bound, Module, Stage};
-
-/// The stages of the backward pass.
-struct Backward<T> {
-    project_backward: T,
-    /// The strands and their sum, if the camera's gradient is computed.
-    camera: Option<[T; 2]>,
-}
+use crate::stages::{
+    CameraGradient, CameraGradientBindings, CameraStrands, CameraStrandsBindings, Project, ProjectBackward,
+    ProjectBackwardBindings, ProjectBindings,
+};
 
 pub struct Pipelines {
-    project: Stage,
-    backward: Option<Backward<Stage>>,
+    project: Stage<Project>,
+    /// If there are gradients.
+    project_backward: Option<Stage<ProjectBackward>>,
+    /// The strands and their sum, if the camera's gradient is computed.
+    camera: Option<(Stage<CameraStrands>, Stage<CameraGradient>)>,
 }
 
 impl Pipelines {
-    pub fn new(gpu: &Gpu, model: &SplatModel, purpose: Purpose, cut_offs: &CutOffs) -> Pipelines {
+    pub fn new(gpu: &Gpu, model: &SplatModel, purpose: Purpose, thresholds: &Thresholds) -> Pipelines {
         let mut constants = model.constants();
-        let shift = f64::from(frame::DEPTH_BITS - cut_offs.depth_bits());
-        let all = [&constants[..], &[cut_offs.alpha_min(), ("DEPTH_KEY_SHIFT", shift)]].concat();
-        let project = Module::new(gpu, "project").stage(gpu, "project", &all);
-        let backward = purpose.has_gradients().then(|| {
+        let shift = f64::from(frame::DEPTH_BITS - thresholds.depth_bits());
+        let all = [&constants[..], &[thresholds.alpha_min(), ("DEPTH_KEY_SHIFT", shift)]].concat();
+        let project = Module::new(gpu, "project").stage(gpu, &all);
+        let project_backward = purpose.has_gradients().then(|| {
             constants.push(("SLOT_OPACITY", f64::from(u8::from(model.slot_opacity()))));
             constants.push(("SLOT_CELLS", f64::from(gradient_cells(gpu.tier))));
             constants.push(("CAMERA_GRADIENT", f64::from(u8::from(purpose == Purpose::CameraGradients))));
-            let module = Module::new(gpu, "project_backward");
-            let camera = (purpose == Purpose::CameraGradients).then(|| {
-                let module = Module::new(gpu, "camera_gradient");
-                ["camera_strands", "camera_gradient"].map(|entry| module.stage(gpu, entry, &[]))
-            });
-            Backward { project_backward: module.stage(gpu, "project_backward", &constants), camera }
+            Module::new(gpu, "project_backward").stage(gpu, &constants)
         });
-        Pipelines { project, backward }
+        let camera = (purpose == Purpose::CameraGradients).then(|| {
+            let module = Module::new(gpu, "camera_gradient");
+            (module.stage(gpu, &[]), module.stage(gpu, &[]))
+        });
+        Pipelines { project, project_backward, camera }
     }
 }
 
 pub struct Stages {
     project: Bound,
-    backward: Option<Backward<Bound>>,
+    project_backward: Option<Bound>,
+    camera: Option<[Bound; 2]>,
     count: u32,
 }
 
@@ -49,41 +49,39 @@ impl Stages {
         let s = &b.shared;
         let project = pipelines.project.bind(
             gpu,
-            &[
-                ("view", &s.view),
-                ("gaussians", &s.gaussians),
-                ("splats", &b.splats),
-                ("tile_rects", &b.tile_rects),
-                ("depth_keys", &b.depth_keys[0]),
-                ("counters", &s.counters),
-            ],
+            &ProjectBindings {
+                view: &s.view,
+                gaussians: &s.gaussians,
+                splats: &b.splats,
+                tile_rects: &b.tile_rects,
+                depth_keys: &b.depth_keys[0],
+                counters: &s.counters,
+            },
         );
-        let backward = pipelines.backward.as_ref().map(|p| Backward {
-            project_backward: p.project_backward.bind(
+        let project_backward = pipelines.project_backward.as_ref().map(|stage| {
+            stage.bind(
                 gpu,
-                &[
-                    ("view", &s.view),
-                    ("gaussians", &s.gaussians),
-                    ("tile_rects", &b.tile_rects),
-                    ("splats", &b.splats),
-                    ("slot_gradients", &b.slot_gradients),
-                    ("slot_marks", &b.slot_marks),
-                    ("d_gaussians", &s.d_gaussians),
-                    ("camera_rows", &b.camera_rows),
-                    ("counters", &s.counters),
-                ],
-            ),
-            camera: p.camera.as_ref().map(|[strands, sum]| {
-                [
-                    strands.bind(
-                        gpu,
-                        &[("view", &s.view), ("camera_rows", &b.camera_rows), ("strands", &b.camera_strands)],
-                    ),
-                    sum.bind(gpu, &[("strands", &b.camera_strands), ("d_camera", &s.d_camera)]),
-                ]
-            }),
+                &ProjectBackwardBindings {
+                    view: &s.view,
+                    gaussians: &s.gaussians,
+                    tile_rects: &b.tile_rects,
+                    splats: &b.splats,
+                    slot_gradients: &b.slot_gradients,
+                    slot_marks: &b.slot_marks,
+                    d_gaussians: &s.d_gaussians,
+                    camera_rows: &b.camera_rows,
+                    counters: &s.counters,
+                },
+            )
         });
-        Stages { project, backward, count: b.count as u32 }
+        let camera = pipelines.camera.as_ref().map(|(of_strands, sum)| {
+            let (camera_rows, strands) = (&b.camera_rows, &b.camera_strands);
+            [
+                of_strands.bind(gpu, &CameraStrandsBindings { view: &s.view, camera_rows, strands }),
+                sum.bind(gpu, &CameraGradientBindings { strands, d_camera: &s.d_camera }),
+            ]
+        });
+        Stages { project, project_backward, camera, count: b.count as u32 }
     }
 
     pub fn forward(&self, pass: &mut wgpu::ComputePass<'_>) {
@@ -91,9 +89,9 @@ impl Stages {
     }
 
     pub fn backward(&self, pass: &mut wgpu::ComputePass<'_>) {
-        let Some(backward) = &self.backward else { return };
-        backward.project_backward.dispatch_invocations(pass, self.count);
-        for stage in backward.camera.iter().flatten() {
+        let Some(project_backward) = &self.project_backward else { return };
+        project_backward.dispatch_invocations(pass, self.count);
+        for stage in self.camera.iter().flatten() {
             stage.dispatch(pass, CAMERA_ROWS as u32);
         }
     }

@@ -3,6 +3,7 @@
 use super::SplatOptions;
 use super::frame_buffers::FrameBuffers;
 use crate::pipeline::{Bound, Module, Stage};
+use crate::stages::{Rasterize, RasterizeBackward, RasterizeBackwardBindings, RasterizeBindings};
 use crate::{Gpu, Tier};
 
 /// Invocations per tile forward, each for 2x2 pixels, as in the stages' shaders.
@@ -19,13 +20,13 @@ fn software_entries(tier: Tier) -> u32 {
 }
 
 pub struct Pipelines {
-    rasterize: Stage,
-    rasterize_backward: Option<Stage>,
+    rasterize: Stage<Rasterize>,
+    rasterize_backward: Option<Stage<RasterizeBackward>>,
 }
 
 impl Pipelines {
     pub fn new(gpu: &Gpu, options: &SplatOptions) -> Pipelines {
-        let SplatOptions { model, purpose, depth, largest_weights, cut_offs } = options;
+        let SplatOptions { model, purpose, depth, largest_weights, thresholds } = options;
         let forward = Module::new(gpu, gpu.tier.choose("rasterize", "subgroups/rasterize"));
         let limited = gpu.is_cpu() && purpose.has_gradients();
         let entries = if limited { software_entries(gpu.tier) } else { u32::MAX };
@@ -33,14 +34,14 @@ impl Pipelines {
             ("DEPTH", f64::from(u8::from(*depth))),
             ("LARGEST_WEIGHTS", f64::from(u8::from(*largest_weights))),
             ("BACKWARD_ENTRIES", f64::from(entries)),
-            cut_offs.alpha_min(),
+            thresholds.alpha_min(),
         ];
         Pipelines {
-            rasterize: forward.stage(gpu, "rasterize", &constants),
+            rasterize: forward.stage(gpu, &constants),
             rasterize_backward: purpose.has_gradients().then(|| {
                 let module = Module::new(gpu, gpu.tier.choose("rasterize_backward", "subgroups/rasterize_backward"));
-                let constants = [("SLOT_OPACITY", f64::from(u8::from(model.slot_opacity()))), cut_offs.alpha_min()];
-                module.stage(gpu, "rasterize_backward", &constants)
+                let constants = [("SLOT_OPACITY", f64::from(u8::from(model.slot_opacity()))), thresholds.alpha_min()];
+                module.stage(gpu, &constants)
             }),
         }
     }
@@ -59,31 +60,31 @@ impl Stages {
         Stages {
             rasterize: pipelines.rasterize.bind(
                 gpu,
-                &[
-                    ("view", &s.view),
-                    ("splats", &b.splats),
-                    ("entries", entries),
-                    ("tile_ranges", &b.tile_ranges),
-                    ("image", &s.image),
-                    ("pixel_states", &b.pixel_states),
-                    ("depths", &s.depths),
-                    ("counters", &s.counters),
-                    ("largest_weights", &s.largest_weights),
-                ],
+                &RasterizeBindings {
+                    view: &s.view,
+                    splats: &b.splats,
+                    entries,
+                    tile_ranges: &b.tile_ranges,
+                    image: &s.image,
+                    pixel_states: &b.pixel_states,
+                    depths: &s.depths,
+                    counters: &s.counters,
+                    largest_weights: &s.largest_weights,
+                },
             ),
             rasterize_backward: pipelines.rasterize_backward.as_ref().map(|stage| {
                 stage.bind(
                     gpu,
-                    &[
-                        ("view", &s.view),
-                        ("splats", &b.splats),
-                        ("entries", entries),
-                        ("tile_ranges", &b.tile_ranges),
-                        ("pixel_states", &b.pixel_states),
-                        ("d_image", &s.d_image),
-                        ("slot_gradients", &b.slot_gradients),
-                        ("slot_marks", &b.slot_marks),
-                    ],
+                    &RasterizeBackwardBindings {
+                        view: &s.view,
+                        splats: &b.splats,
+                        entries,
+                        tile_ranges: &b.tile_ranges,
+                        pixel_states: &b.pixel_states,
+                        d_image: &s.d_image,
+                        slot_gradients: &b.slot_gradients,
+                        slot_marks: &b.slot_marks,
+                    },
                 )
             }),
             slot_marks: b.slot_marks.clone(),

@@ -1,22 +1,21 @@
 //! Host part of `slots.wgsl`: numbers the slots of the Gaussians, into which the tiles write their gradients.
 
+use super::Shared;
 use super::frame_buffers::FrameBuffers;
 use super::sort::{self, Scan};
 use crate::pipeline::{Bound, Module, Stage};
+use crate::stages::{CountSlots, CountSlotsBindings, PlaceSlots, PlaceSlotsBindings};
 use crate::{Gpu, buffers};
 
 pub struct Pipelines {
-    count_slots: Stage,
-    place_slots: Stage,
+    count_slots: Stage<CountSlots>,
+    place_slots: Stage<PlaceSlots>,
 }
 
 impl Pipelines {
     pub fn new(gpu: &Gpu) -> Pipelines {
         let module = Module::new(gpu, "slots");
-        Pipelines {
-            count_slots: module.stage(gpu, "count_slots", &[]),
-            place_slots: module.stage(gpu, "place_slots", &[]),
-        }
+        Pipelines { count_slots: module.stage(gpu, &[]), place_slots: module.stage(gpu, &[]) }
     }
 }
 
@@ -29,18 +28,13 @@ pub struct Stages {
 
 impl Stages {
     pub fn new(gpu: &Gpu, pipelines: &Pipelines, sort: &sort::Pipelines, b: &FrameBuffers) -> Stages {
-        let slot_starts = buffers::zeroed(gpu, "slot starts", b.count);
-        let all = [
-            ("view", &b.shared.view),
-            ("tile_rects", &b.tile_rects),
-            ("slot_starts", &slot_starts),
-            ("splats", &b.splats),
-        ];
+        let FrameBuffers { shared: Shared { view, .. }, tile_rects, splats, .. } = b;
+        let slot_starts = &buffers::zeroed(gpu, "slot starts", b.count);
         let total = buffers::zeroed(gpu, "slot total", 1);
         Stages {
-            count_slots: pipelines.count_slots.bind(gpu, &all),
-            scan: sort.scan(gpu, &slot_starts, b.count as u32, &total, sort::FIRST_WORD),
-            place_slots: pipelines.place_slots.bind(gpu, &all),
+            count_slots: pipelines.count_slots.bind(gpu, &CountSlotsBindings { view, tile_rects, slot_starts }),
+            scan: sort.scan(gpu, slot_starts, b.count as u32, &total, sort::FIRST_WORD),
+            place_slots: pipelines.place_slots.bind(gpu, &PlaceSlotsBindings { view, tile_rects, slot_starts, splats }),
             count: b.count as u32,
         }
     }

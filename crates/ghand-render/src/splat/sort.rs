@@ -5,6 +5,10 @@ use bytemuck::{Pod, Zeroable};
 
 use super::counters::CounterIndex;
 use crate::pipeline::{Bound, Module, Stage};
+use crate::stages::{
+    ScanApply, ScanApplyBindings, ScanStrands, ScanStrandsBindings, ScanSums, ScanSumsBindings, SortCount,
+    SortCountBindings, SortScatter, SortScatterBindings,
+};
 use crate::{Gpu, Tier, buffers};
 
 /// Number of strands of a prefix sum, as in `scan.wgsl`.
@@ -16,7 +20,7 @@ const SORT_BLOCKS: [u32; 2] = [1024, 2048];
 /// Maximum number of pairs in a strand: half of the iterations that software rasterisers allow in a loop.
 const MOST_PAIRS: u64 = 32_768;
 
-/// See `shaders/scan.wgsl`.
+/// See `shaders/shared/scan_buffers.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct ScanUniforms {
@@ -28,7 +32,7 @@ pub struct ScanUniforms {
     pub padding: [u32; 2],
 }
 
-/// See `shaders/sort.wgsl`.
+/// See `shaders/shared/sort_buffers.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct SortUniforms {
@@ -63,11 +67,11 @@ pub const SHARED_CONSTANTS: [(&str, &str, u32); 5] = [
 pub const FIRST_WORD: CounterIndex = CounterIndex(0);
 
 pub struct Pipelines {
-    sort_count: Stage,
-    sort_scatter: Stage,
-    scan_sums: Stage,
-    scan_strands: Stage,
-    scan_apply: Stage,
+    sort_count: Stage<SortCount>,
+    sort_scatter: Stage<SortScatter>,
+    scan_sums: Stage<ScanSums>,
+    scan_strands: Stage<ScanStrands>,
+    scan_apply: Stage<ScanApply>,
     /// Pairs in a block of the sort, unless it is by strands.
     block: Option<u32>,
 }
@@ -83,11 +87,11 @@ impl Pipelines {
         let (sort, scan) = (Module::new(gpu, sort), Module::new(gpu, scan));
         let [portable, subgroups] = SORT_BLOCKS;
         Pipelines {
-            sort_count: sort.stage(gpu, "sort_count", &[]),
-            sort_scatter: sort.stage(gpu, "sort_scatter", &[]),
-            scan_sums: scan.stage(gpu, "scan_sums", &[]),
-            scan_strands: scan.stage(gpu, "scan_strands", &[]),
-            scan_apply: scan.stage(gpu, "scan_apply", &[]),
+            sort_count: sort.stage(gpu, &[]),
+            sort_scatter: sort.stage(gpu, &[]),
+            scan_sums: scan.stage(gpu, &[]),
+            scan_strands: scan.stage(gpu, &[]),
+            scan_apply: scan.stage(gpu, &[]),
             block: (!gpu.tier.has_strands()).then(|| gpu.tier.choose(portable, subgroups)),
         }
     }
@@ -120,18 +124,17 @@ impl Pipelines {
         totals: &wgpu::Buffer,
         total: CounterIndex,
     ) -> Scan {
-        let uniforms = buffers::uniform(gpu, "scan", &ScanUniforms { length, total_index: total.0, padding: [0; 2] });
+        let scan = &buffers::uniform(gpu, "scan", &ScanUniforms { length, total_index: total.0, padding: [0; 2] });
         let (pieces, groups) = match self.block {
             None => (SCAN_STRANDS, self.scan_sums.groups(SCAN_STRANDS)),
             Some(_) => (length.div_ceil(SCAN_BLOCK), length.div_ceil(SCAN_BLOCK)),
         };
-        let sums = buffers::zeroed(gpu, "strand sums", pieces as usize);
-        let piece = [("scan", &uniforms), ("values", values), ("strand_sums", &sums)];
+        let strand_sums = &buffers::zeroed(gpu, "strand sums", pieces as usize);
         Scan {
             groups,
-            sums: self.scan_sums.bind(gpu, &piece),
-            strands: self.scan_strands.bind(gpu, &[("scan", &uniforms), ("strand_sums", &sums), ("totals", totals)]),
-            apply: self.scan_apply.bind(gpu, &piece),
+            sums: self.scan_sums.bind(gpu, &ScanSumsBindings { scan, values, strand_sums }),
+            strands: self.scan_strands.bind(gpu, &ScanStrandsBindings { scan, strand_sums, totals }),
+            apply: self.scan_apply.bind(gpu, &ScanApplyBindings { scan, values, strand_sums }),
         }
     }
 }
@@ -190,7 +193,7 @@ impl Stages {
         let count = bits.div_ceil(pipelines.digit_bits());
         let digit_bits = bits.div_ceil(count);
         let pieces = pipelines.pieces(keys[0].size() / 4);
-        let digits = buffers::zeroed(gpu, "digit counts", (pieces as usize) << digit_bits);
+        let digit_counts = &buffers::zeroed(gpu, "digit counts", (pieces as usize) << digit_bits);
         let total = buffers::zeroed(gpu, "digit total", 1);
         let passes = (0..count)
             .map(|i| {
@@ -202,30 +205,23 @@ impl Stages {
                     numbered: u32::from(numbered && i == 0),
                     ..SortUniforms::zeroed()
                 };
-                let uniforms = buffers::uniform(gpu, "sort", &uniforms);
+                let sort = &buffers::uniform(gpu, "sort", &uniforms);
                 let (from, to) = ((i % 2) as usize, ((i + 1) % 2) as usize);
+                let keys_in = &keys[from];
                 Pass {
-                    count: pipelines.sort_count.bind(
-                        gpu,
-                        &[
-                            ("sort", &uniforms),
-                            ("counters", counters),
-                            ("keys_in", &keys[from]),
-                            ("digit_counts", &digits),
-                        ],
-                    ),
-                    scan: pipelines.scan(gpu, &digits, pieces << digit_bits, &total, FIRST_WORD),
+                    count: pipelines.sort_count.bind(gpu, &SortCountBindings { sort, counters, keys_in, digit_counts }),
+                    scan: pipelines.scan(gpu, digit_counts, pieces << digit_bits, &total, FIRST_WORD),
                     scatter: pipelines.sort_scatter.bind(
                         gpu,
-                        &[
-                            ("sort", &uniforms),
-                            ("counters", counters),
-                            ("keys_in", &keys[from]),
-                            ("values_in", &values[from]),
-                            ("digit_counts", &digits),
-                            ("keys_out", &keys[to]),
-                            ("values_out", &values[to]),
-                        ],
+                        &SortScatterBindings {
+                            sort,
+                            counters,
+                            keys_in,
+                            values_in: &values[from],
+                            digit_counts,
+                            keys_out: &keys[to],
+                            values_out: &values[to],
+                        },
                     ),
                 }
             })

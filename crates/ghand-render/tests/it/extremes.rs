@@ -4,7 +4,7 @@
 use crate::common::*;
 use ghand_core::Camera;
 use ghand_render::reference::project::{Color, Gaussian};
-use ghand_render::reference::rasterize::{CutOffs, Scene};
+use ghand_render::reference::rasterize::{Scene, Thresholds};
 use ghand_render::splat::{Opacity, Purpose, SplatModel, SplatOptions, Splatter, Stored, View};
 use glam::{DMat3, DVec2, DVec3, DVec4};
 use rand::RngExt;
@@ -43,7 +43,7 @@ fn errors(model: SplatModel, device: &[Gaussian], gaussians: &[Gaussian], camera
     let pixels = (camera.width * camera.height) as usize;
     let weights = random_weights(11, pixels);
     let background = DVec3::from(BACKGROUND.map(f64::from));
-    let scene = Scene { gaussians, camera, background, antialias: model.antialias, cuts: CutOffs::default() };
+    let scene = Scene { gaussians, camera, background, antialias: model.antialias, thresholds: Thresholds::default() };
     let twin = scene.rasterize();
     let d_image: Vec<[f64; 4]> = weights.iter().map(|w| w.map(f64::from)).collect();
     let gradient = scene.rasterize_vjp(&d_image).0;
@@ -59,7 +59,7 @@ fn errors(model: SplatModel, device: &[Gaussian], gaussians: &[Gaussian], camera
         let finite = |values: &[f32]| values.iter().all(|v| v.is_finite());
         assert!(finite(rendered.image.as_flattened()) && finite(&rendered.gradient) && finite(&rendered.d_camera));
         let (image_error, flips) = compare_images(&rendered.image, &twin, 2e-3);
-        assert!(flips * 100 <= pixels, "{flips} of {pixels} pixels flipped at a cut-off");
+        assert!(flips * 100 <= pixels, "{flips} of {pixels} pixels flipped at a threshold");
         let gradient_error = gradient_error(model, &expected, &rendered.gradient, of_sizes);
         worst = (larger(worst.0, image_error), larger(worst.1, gradient_error));
     }
@@ -340,8 +340,13 @@ fn a_million_gaussians() {
         .collect();
     let (gpu, model, numbers) = (gpu(), SplatModel::HAND, table(&gaussians, &SplatModel::HAND));
     let background = DVec3::from(BACKGROUND.map(f64::from));
-    let scene =
-        Scene { gaussians: &gaussians, camera: &camera, background, antialias: false, cuts: CutOffs::default() };
+    let scene = Scene {
+        gaussians: &gaussians,
+        camera: &camera,
+        background,
+        antialias: false,
+        thresholds: Thresholds::default(),
+    };
     let twin = scene.rasterize();
     let mut weights = random_weights(7, twin.len());
     let image = render_table(&gpu, model, &numbers, &camera, 1.0, &weights).image;

@@ -4,7 +4,6 @@
 mod common;
 
 mod bands;
-mod cut_offs;
 mod device_loss;
 mod extremes;
 mod image_loss;
@@ -13,4 +12,5 @@ mod optimizer;
 mod penalty;
 mod roughness;
 mod splat;
+mod thresholds;
 mod wireframe;

@@ -4,6 +4,10 @@ use crate::deform::{Deformation, DeformationBackward, JointSums, invocations_of_
 use bytemuck::{Pod, Zeroable};
 use ghand_render::optimizer::{Adam, AdamTable, AdamUniforms, Grouping};
 use ghand_render::pipeline::{Bound, Module, compute_pass};
+use ghand_render::stages::{
+    Respond, RespondBackward, RespondBackwardBindings, RespondBindings, ResponseBackward, ResponseBackwardBindings,
+    ResponseTerms, ResponseTermsBindings,
+};
 use ghand_render::{Gpu, RenderError, buffers};
 
 use super::tables::{APPEARANCE_ROWS, DirectTables, table_lengths};
@@ -87,13 +91,35 @@ impl DirectModel {
         let sizes = buffers::uniform(gpu, "response sizes", &sizes);
         let joint_terms = buffers::zeroed(gpu, "joint terms", config.channels() * joints);
         let color_channels = buffers::zeroed(gpu, "color channels", config.color_components * count);
+        let [.., appearance, response, response_limits] = &on_device;
         let module = Module::new(gpu, "pose_response");
-        let all = named(deformation, &sizes, &on_device, &joint_terms, &color_channels);
-        let response_terms = module.stage(gpu, "response_terms", &[]).bind(gpu, &all);
-        let respond = module.stage(gpu, "respond", &[]).bind(gpu, &all);
         DirectModel {
-            response_terms,
-            respond,
+            response_terms: module.stage::<ResponseTerms>(gpu, &[]).bind(
+                gpu,
+                &ResponseTermsBindings {
+                    pose: deformation.uniforms(),
+                    response_sizes: &sizes,
+                    response,
+                    chain: deformation.chain(),
+                    joint_terms: &joint_terms,
+                    response_limits,
+                },
+            ),
+            respond: module.stage::<Respond>(gpu, &[]).bind(
+                gpu,
+                &RespondBindings {
+                    pose: deformation.uniforms(),
+                    response_sizes: &sizes,
+                    response,
+                    joint_terms: &joint_terms,
+                    appearance,
+                    coefficients: &p.coefficients,
+                    scale: &p.scale,
+                    color: &p.color,
+                    color_channels: &color_channels,
+                    weights: deformation.weights(),
+                },
+            ),
             config: config.clone(),
             count,
             joints,
@@ -108,32 +134,6 @@ impl DirectModel {
     fn lengths(&self) -> [usize; 6] {
         table_lengths(self.count, self.joints, &self.config)
     }
-}
-
-/// The forward stages' buffers by their names in the shader.
-fn named<'a>(
-    deformation: &'a Deformation,
-    sizes: &'a wgpu::Buffer,
-    tables: &'a [wgpu::Buffer; 6],
-    joint_terms: &'a wgpu::Buffer,
-    color_channels: &'a wgpu::Buffer,
-) -> Vec<(&'static str, &'a wgpu::Buffer)> {
-    let p = deformation.properties();
-    let [.., appearance, response, limits] = tables;
-    vec![
-        ("pose", deformation.uniforms()),
-        ("response_sizes", sizes),
-        ("response", response),
-        ("response_limits", limits),
-        ("chain", deformation.chain()),
-        ("joint_terms", joint_terms),
-        ("weights", deformation.weights()),
-        ("appearance", appearance),
-        ("coefficients", &p.coefficients),
-        ("color_channels", color_channels),
-        ("scale", &p.scale),
-        ("color", &p.color),
-    ]
 }
 
 impl PropertyModel for DirectModel {
@@ -172,19 +172,36 @@ impl TrainableModel for DirectModel {
                 let coefficient_sums = sums(&d.coefficients, self.config.coefficient_rows());
                 let color_sums = sums(&d_color_channels, self.config.color_components);
                 let module = Module::new(gpu, "pose_response");
-                let mut all = named(deformation, &self.sizes, &self.tables, &self.joint_terms, &self.color_channels);
-                all.extend([
-                    ("d_scale", &d.scale),
-                    ("d_color", &d.color),
-                    ("d_appearance", &gradients[3]),
-                    ("d_color_channels", &d_color_channels),
-                    ("d_coefficient_terms", &coefficient_sums.total),
-                    ("d_color_terms", &color_sums.total),
-                    ("d_response", &gradients[4]),
-                    ("d_local", backward.d_local()),
-                ]);
-                let respond_backward = module.stage(gpu, "respond_backward", &[]).bind(gpu, &all);
-                let response_backward = module.stage(gpu, "response_backward", &[]).bind(gpu, &all);
+                let [.., appearance, response, response_limits] = &self.tables;
+                let [.., d_appearance, d_response] = &gradients;
+                let respond_backward = module.stage::<RespondBackward>(gpu, &[]).bind(
+                    gpu,
+                    &RespondBackwardBindings {
+                        pose: deformation.uniforms(),
+                        response_sizes: &self.sizes,
+                        appearance,
+                        d_scale: &d.scale,
+                        d_appearance,
+                        d_color_channels: &d_color_channels,
+                        d_color: &d.color,
+                        color_channels: &self.color_channels,
+                    },
+                );
+                let response_backward = module.stage::<ResponseBackward>(gpu, &[]).bind(
+                    gpu,
+                    &ResponseBackwardBindings {
+                        pose: deformation.uniforms(),
+                        response_sizes: &self.sizes,
+                        response,
+                        chain: deformation.chain(),
+                        joint_terms: &self.joint_terms,
+                        d_coefficient_terms: &coefficient_sums.total,
+                        d_response,
+                        d_local: backward.d_local(),
+                        response_limits,
+                        d_color_terms: &color_sums.total,
+                    },
+                );
                 (gradients, respond_backward, coefficient_sums, color_sums, response_backward)
             })?;
         let adam = Adam::new(gpu)?;

@@ -7,7 +7,7 @@ pub mod meshes;
 
 use ghand_core::Camera;
 use ghand_render::reference::project::{CameraGradient, Color, Gaussian};
-use ghand_render::reference::rasterize::{CutOffs, Scene};
+use ghand_render::reference::rasterize::{Scene, Thresholds};
 use ghand_render::splat::{self, FLATNESS, Opacity, Purpose, Shape, SplatModel, SplatOptions, Splatter, Stored, View};
 use ghand_render::{AdapterChoice, DeviceError, Gpu, Tier, buffers};
 use glam::{DQuat, DVec2, DVec3};
@@ -185,13 +185,13 @@ pub fn render_table(
     opacity: f32,
     d_image: &[[f32; 4]],
 ) -> Rendered {
-    render_with(gpu, model, splat::CutOffs::default(), table, camera, opacity, d_image)
+    render_with(gpu, model, splat::Thresholds::default(), table, camera, opacity, d_image)
 }
 
 pub fn render_with(
     gpu: &Gpu,
     model: SplatModel,
-    cut_offs: splat::CutOffs,
+    thresholds: splat::Thresholds,
     table: &[f32],
     camera: &Camera,
     opacity: f32,
@@ -199,7 +199,7 @@ pub fn render_with(
 ) -> Rendered {
     let count = table.len() / model.rows();
     let options =
-        SplatOptions { model, purpose: Purpose::CameraGradients, depth: true, largest_weights: true, cut_offs };
+        SplatOptions { model, purpose: Purpose::CameraGradients, depth: true, largest_weights: true, thresholds };
     let mut splatter = Splatter::new(gpu, options, count, [camera.width, camera.height]).unwrap();
     gpu.queue.write_buffer(splatter.gaussians(), 0, bytemuck::cast_slice(table));
     splatter.set_view(gpu, View::new(camera, count, BACKGROUND, opacity)).unwrap();
@@ -284,7 +284,7 @@ pub fn check_against_twin(model: SplatModel, gaussians: &[Gaussian], camera: &Ca
 
 /// As [`check_against_twin`], where less than `alpha` 255ths are not blended.
 pub fn check_with_alpha_cut(model: SplatModel, alpha: u32, gaussians: &[Gaussian], camera: &Camera, opacity: f32) {
-    let cut_offs = splat::CutOffs { alpha, ..splat::CutOffs::default() };
+    let thresholds = splat::Thresholds { alpha, ..splat::Thresholds::default() };
     let cut = f64::from(alpha) / 255.0;
     let numbers = table(gaussians, &model);
     let gaussians: Vec<Gaussian> = gaussians
@@ -299,11 +299,11 @@ pub fn check_with_alpha_cut(model: SplatModel, alpha: u32, gaussians: &[Gaussian
         camera,
         background: DVec3::from(BACKGROUND.map(f64::from)),
         antialias: model.antialias,
-        cuts: CutOffs { alpha_min: cut, ..CutOffs::default() },
+        thresholds: Thresholds { alpha_min: cut, ..Thresholds::default() },
     };
     let (twin, depth, largest_weights) = (scene.rasterize(), scene.depth(), scene.largest_weights());
     let mut weights = random_weights(3, twin.len());
-    let first = render_with(&devices()[0], model, cut_offs, &numbers, camera, opacity, &weights);
+    let first = render_with(&devices()[0], model, thresholds, &numbers, camera, opacity, &weights);
     // A contribution of just the cut can be used on one side and skipped on the other, and of two Gaussians at almost the
     // same depth either can be in front. Such pixels are counted, and excluded from the loss.
     let flipped = |image: &[[f32; 4]], pixel: usize| {
@@ -317,7 +317,7 @@ pub fn check_with_alpha_cut(model: SplatModel, alpha: u32, gaussians: &[Gaussian
     let expected = gradient_table(&gaussians, &gradient, &model);
     let turn = turn_gradient(camera, &d_camera);
     for gpu in devices() {
-        let rendered = render_with(&gpu, model, cut_offs, &numbers, camera, opacity, &weights);
+        let rendered = render_with(&gpu, model, thresholds, &numbers, camera, opacity, &weights);
         assert!(rendered.image == first.image, "the tiers' images differ");
         let worst = compare_images(&rendered.image, &twin, FLIP).0;
         let depth_error = relative_error(&rendered.depths, &depth);

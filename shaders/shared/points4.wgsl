@@ -15,10 +15,10 @@ fn unbounded_points(i: u32) -> vec4<u32> {
     return vec4(i / LANES * BLOCK + i % LANES) + vec4(0u, LANES, 2u * LANES, 3u * LANES);
 }
 
-fn four_points(i: u32, count: u32) -> vec4<u32> {
+fn points4(i: u32, count: u32) -> vec4<u32> {
     return min(unbounded_points(i), vec4(count - 1u));
 }
 
-fn four_stored(i: u32, count: u32) -> vec4<bool> {
+fn in_range4(i: u32, count: u32) -> vec4<bool> {
     return unbounded_points(i) < vec4(count);
 }

@@ -1,12 +1,12 @@
-//! What the splatter neglects if it is told to.
+//! The splatter skips contributions below its thresholds.
 
 use crate::common::*;
 use ghand_render::reference::project::Gaussian;
-use ghand_render::splat::{CutOffs, SplatModel};
+use ghand_render::splat::{SplatModel, Thresholds};
 use glam::DVec3;
 
 #[test]
-fn coarser_alpha_cuts_agree_with_the_twin() {
+fn coarser_alpha_thresholds_agree_with_the_twin() {
     let camera = camera(90, 53);
     check_with_alpha_cut(SplatModel::HAND, 8, &random_scene(1, 2000, 0.001..0.01), &camera, 1.0);
     let scene = general_scene(21, 400, 0.005..0.03, 4);
@@ -22,10 +22,10 @@ fn gaussians_at_the_same_depth_but_for_the_dropped_bits_keep_their_order() {
         let at = |depth: f64| camera.rotation.transpose() * (DVec3::Z * depth - camera.translation);
         let scene =
             [(1.0 + farther, red), (1.0, green)].map(|(part, color)| Gaussian::round(at(part * 0.8), 0.05, 1.0, color));
-        let cut_offs = CutOffs { depth_bits, ..CutOffs::default() };
+        let thresholds = Thresholds { depth_bits, ..Thresholds::default() };
         let model = SplatModel::HAND;
         let weights = vec![[0.0; 4]; 24 * 16];
-        let image = render_with(&gpu(), model, cut_offs, &table(&scene, &model), &camera, 0.9, &weights).image;
+        let image = render_with(&gpu(), model, thresholds, &table(&scene, &model), &camera, 0.9, &weights).image;
         let [r, g, ..] = image.into_iter().max_by(|a, b| (a[0] + a[1]).total_cmp(&(b[0] + b[1]))).unwrap();
         r > g
     };
