@@ -22,7 +22,7 @@ use ghand_render::splat::{Purpose, SplatOptions, Splatter, View};
 use ghand_app::cli::{AdapterArgs, parse_count, parse_size};
 use ghand_app::pose_choice::PoseReadingArgs;
 use ghand_app::say;
-use ghand_app::viewer::scene::read_suspicious;
+use ghand_app::viewer::document::scene::read_suspicious;
 use ghand_avatar::framing::turntable;
 
 /// Options of `ghand-lab bench`.

@@ -19,17 +19,17 @@ use ghand_app::pose_choice::PoseReadingArgs;
 use ghand_app::say;
 use ghand_app::train_run::run_folder::last_avatar;
 use ghand_app::viewer::app::Viewer;
-use ghand_app::viewer::capture_panel::CapturePanel;
-use ghand_app::viewer::comparison::Comparison;
-use ghand_app::viewer::device_message;
-use ghand_app::viewer::layer::Layer;
+use ghand_app::viewer::document::capture_panel::CapturePanel;
+use ghand_app::viewer::document::subject::Subject;
+use ghand_app::viewer::document::training_run::TrainingRun;
 use ghand_app::viewer::live::{DEFAULT_PORT, LiveSettings};
-use ghand_app::viewer::overlay::Overlay;
 use ghand_app::viewer::screenshot::screenshot;
-use ghand_app::viewer::settings::{Settings, Theme};
-use ghand_app::viewer::subject::Subject;
-use ghand_app::viewer::training_run::TrainingRun;
+use ghand_app::viewer::session::settings::{Settings, Theme};
+use ghand_app::viewer::stage::comparison::Comparison;
+use ghand_app::viewer::stage::layer::Layer;
+use ghand_app::viewer::stage::overlay::Overlay;
 use ghand_app::viewer::window;
+use ghand_app::viewer::window::device_message;
 
 /// View an animatable hand avatar, or a scene of Gaussians
 #[derive(Debug, Parser)]

@@ -26,7 +26,7 @@ use crate::own_inputs::{OwnInputs, camera_file};
 use crate::pose_choice::parse_fps;
 use crate::say;
 use crate::sight::BlankPictures;
-use crate::viewer::scene::read_suspicious;
+use crate::viewer::document::scene::read_suspicious;
 
 /// Default size of a picture, if neither the command line nor a camera gives one.
 const DEFAULT_SIZE: [u32; 2] = [512, 512];

@@ -12,9 +12,9 @@ use ghand_render::Gpu;
 use ghand_render::splat::band_rows;
 
 use crate::format_args::FormatArgs;
-use crate::viewer::drawing::GaussianColors;
-use crate::viewer::picture::PictureInputs;
-use crate::viewer::subject_copy::SubjectCopy;
+use crate::viewer::rendering::drawing::GaussianColors;
+use crate::viewer::rendering::picture::PictureInputs;
+use crate::viewer::rendering::subject_copy::SubjectCopy;
 
 /// What is to be made.
 pub struct OutputPlan {

@@ -1,15 +1,15 @@
-//! Moves the view: presets, framing, the turntable and the cameras of a capture.
+//! Moves the view: sides, framing, the turntable and the cameras of a capture.
 
 use std::f64::consts::TAU;
 
 use egui::{Context, Ui};
 
 use crate::viewer::app::Viewer;
-use crate::viewer::camera::Projection;
-use crate::viewer::capture_panel::CapturePanel;
-use crate::viewer::number_slider::number_slider;
-use crate::viewer::preset::Preset;
-use crate::viewer::subject::Subject;
+use crate::viewer::document::capture_panel::CapturePanel;
+use crate::viewer::document::subject::Subject;
+use crate::viewer::rendering::camera::Projection;
+use crate::viewer::rendering::view_side::ViewSide;
+use crate::viewer::widgets::number_slider::number_slider;
 
 /// Seconds of a whole turn of the turntable.
 const TURN_SECS: f64 = 12.0;
@@ -71,9 +71,9 @@ impl Viewer {
     pub(super) fn camera_controls(&mut self, ui: &mut Ui) {
         if self.subject.pose().is_some() {
             ui.horizontal_wrapped(|ui| {
-                for preset in Preset::ALL {
-                    if ui.button(preset.label()).clicked() {
-                        self.look_from(preset);
+                for side in ViewSide::ALL {
+                    if ui.button(side.label()).clicked() {
+                        self.look_from(side);
                     }
                 }
             });
@@ -123,9 +123,9 @@ impl Viewer {
         }
     }
 
-    pub(super) fn look_from(&mut self, preset: Preset) {
+    pub(super) fn look_from(&mut self, side: ViewSide) {
         if let Subject::Hand(hand) = &self.subject {
-            self.camera.look_from(preset, hand.model(), &hand.pose);
+            self.camera.look_from(side, hand.model(), &hand.pose);
             self.camera.frame(&hand.posed_vertices());
         }
     }

@@ -7,18 +7,18 @@ use ghand_hand_model::named_poses::POSE_NAMES;
 use ghand_motion::motions::MOTION_NAMES;
 
 use crate::viewer::app::Viewer;
-use crate::viewer::camera::Projection;
 use crate::viewer::command::{COMMANDS, Command, CommandId, Menu, Pressed, pressed};
-use crate::viewer::command_palette::{Choice, CommandPalette, Entry};
-use crate::viewer::file_dialog::FileDialog;
-use crate::viewer::file_reader::file_name;
+use crate::viewer::dialogs::command_palette::{Choice, CommandPalette, Entry};
+use crate::viewer::dialogs::file_dialog::FileDialog;
+use crate::viewer::dialogs::help_overlay::help_overlay;
+use crate::viewer::dialogs::name_dialog::NameDialog;
+use crate::viewer::dialogs::output_dialog::OutputKind;
+use crate::viewer::document::file_reader::file_name;
+use crate::viewer::document::subject::Subject;
 use crate::viewer::hand::Hand;
-use crate::viewer::help_overlay::help_overlay;
-use crate::viewer::name_dialog::NameDialog;
-use crate::viewer::output_dialog::OutputKind;
-use crate::viewer::preset::Preset;
-use crate::viewer::saved_view::SavedView;
-use crate::viewer::subject::Subject;
+use crate::viewer::rendering::camera::Projection;
+use crate::viewer::rendering::view_side::ViewSide;
+use crate::viewer::session::saved_view::SavedView;
 
 /// What an entry of the palette does.
 #[derive(Debug, Clone, PartialEq)]
@@ -86,11 +86,11 @@ impl Viewer {
             CommandId::ResetAll => self.reset_all(),
             CommandId::Frame => self.frame_subject(),
             CommandId::ResetView => self.reset_view(),
-            CommandId::ViewBack => self.look_from(Preset::Back),
-            CommandId::ViewPalm => self.look_from(Preset::Palm),
-            CommandId::ViewThumbSide => self.look_from(Preset::ThumbSide),
-            CommandId::ViewLittleFingerSide => self.look_from(Preset::LittleFingerSide),
-            CommandId::ViewFingertips => self.look_from(Preset::Fingertips),
+            CommandId::ViewBack => self.look_from(ViewSide::Back),
+            CommandId::ViewPalm => self.look_from(ViewSide::Palm),
+            CommandId::ViewThumbSide => self.look_from(ViewSide::ThumbSide),
+            CommandId::ViewLittleFingerSide => self.look_from(ViewSide::LittleFingerSide),
+            CommandId::ViewFingertips => self.look_from(ViewSide::Fingertips),
             CommandId::SwitchProjection => self.camera.switch_projection(),
             CommandId::SaveView => self.naming_view = Some(NameDialog::default()),
             CommandId::Turntable => self.turntable = !self.turntable,

@@ -11,12 +11,12 @@ use ghand_motion::{KeyFrames, PoseSequence};
 use crate::hand_model_file::is_hand_name;
 use crate::lighting::Lighting;
 use crate::viewer::app::Viewer;
-use crate::viewer::file_dialog::{Answer, FileDialog, NO_DIALOG};
-use crate::viewer::file_reader::{Contents, ReadFile, Reason, file_name};
-use crate::viewer::picture::Picture;
-use crate::viewer::subject::Subject;
-use crate::viewer::training_run::TrainingRun;
-use crate::viewer::watched_file::WatchedFile;
+use crate::viewer::dialogs::file_dialog::{Answer, FileDialog, NO_DIALOG};
+use crate::viewer::document::file_reader::{Contents, ReadFile, Reason, file_name};
+use crate::viewer::document::subject::Subject;
+use crate::viewer::document::training_run::TrainingRun;
+use crate::viewer::document::watched_file::WatchedFile;
+use crate::viewer::rendering::picture::Picture;
 
 /// Interval of looks at the watched file.
 const LOOK: Duration = Duration::from_secs(1);

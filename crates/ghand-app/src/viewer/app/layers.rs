@@ -7,13 +7,13 @@ use ghand_render::RenderError;
 use glam::DVec3;
 
 use crate::viewer::app::Viewer;
-use crate::viewer::drawing::GaussianColors;
-use crate::viewer::layer::{Layer, LayerInputs};
-use crate::viewer::legend::Legend;
-use crate::viewer::number_slider::number_slider;
-use crate::viewer::overlay::Overlay;
-use crate::viewer::picture::PictureInputs;
-use crate::viewer::subject::Subject;
+use crate::viewer::document::subject::Subject;
+use crate::viewer::rendering::drawing::GaussianColors;
+use crate::viewer::rendering::picture::PictureInputs;
+use crate::viewer::stage::layer::{Layer, LayerInputs};
+use crate::viewer::stage::legend::Legend;
+use crate::viewer::stage::overlay::Overlay;
+use crate::viewer::widgets::number_slider::number_slider;
 use ghand_avatar::pose_properties::PoseProperties;
 
 /// What is shown of the subject.

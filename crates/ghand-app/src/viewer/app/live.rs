@@ -4,8 +4,8 @@ use egui::{Context, Ui};
 use ghand_motion::live::PacketKind;
 
 use crate::viewer::app::Viewer;
+use crate::viewer::document::subject::Subject;
 use crate::viewer::live::{Live, LiveEvent, LiveSettings};
-use crate::viewer::subject::Subject;
 
 /// Shown when the user or a motion changes the pose while live poses drive the hand.
 const PAUSED: &str = "Live poses are paused, because the pose was changed here. \"Resume\" in the panel follows them.";

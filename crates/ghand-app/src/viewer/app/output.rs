@@ -9,16 +9,16 @@ use ghand_pictures::{Background, LONGEST_TURN_SECONDS};
 
 use crate::viewer::app::Viewer;
 use crate::viewer::app::saving::Saving;
-use crate::viewer::drawing::GaussianColors;
-use crate::viewer::file_dialog::FileDialog;
-use crate::viewer::file_reader::file_name;
+use crate::viewer::dialogs::file_dialog::FileDialog;
+use crate::viewer::dialogs::output_dialog::{Asked, OutputDialog, OutputKind};
+use crate::viewer::document::file_reader::file_name;
+use crate::viewer::document::subject::Subject;
+use crate::viewer::document::training_run::TrainingRun;
 use crate::viewer::live::Live;
 use crate::viewer::output::{OutputJob, OutputPlan};
-use crate::viewer::output_dialog::{Asked, OutputDialog, OutputKind};
-use crate::viewer::picture::{PictureInputs, Progress};
-use crate::viewer::subject::Subject;
-use crate::viewer::subject_copy::SubjectCopy;
-use crate::viewer::training_run::TrainingRun;
+use crate::viewer::rendering::drawing::GaussianColors;
+use crate::viewer::rendering::picture::{PictureInputs, Progress};
+use crate::viewer::rendering::subject_copy::SubjectCopy;
 
 /// Size of pictures and films that are offered if there is no picture yet, pixels.
 const SIZE: [u32; 2] = [1280, 800];

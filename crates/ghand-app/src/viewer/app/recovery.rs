@@ -1,9 +1,9 @@
 //! Recovery of the viewer from a lost device: subject, pose and view stay, everything else is created again.
 
 use crate::viewer::app::Viewer;
-use crate::viewer::picture::Median;
-use crate::viewer::subject::Subject;
-use crate::viewer::training_run::TrainingRun;
+use crate::viewer::document::subject::Subject;
+use crate::viewer::document::training_run::TrainingRun;
+use crate::viewer::rendering::picture::Median;
 
 /// How many times in a row the device may be lost before a picture is done.
 const MOST_LOSSES: u32 = 3;
@@ -63,10 +63,10 @@ mod tests {
 
     use super::*;
     use crate::pose_choice::pose_by_name;
+    use crate::viewer::document::subject::Subject;
     use crate::viewer::hand::Hand;
     use crate::viewer::hand::tests::untrained_avatar;
     use crate::viewer::screenshot::screenshot;
-    use crate::viewer::subject::Subject;
 
     fn viewer() -> Viewer {
         let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));

@@ -4,9 +4,9 @@ use anyhow::bail;
 use egui::{Context, Ui};
 
 use crate::viewer::app::Viewer;
-use crate::viewer::name_dialog::{NameDialog, Named};
-use crate::viewer::preset::Preset;
-use crate::viewer::saved_view::{SavedView, view_name};
+use crate::viewer::dialogs::name_dialog::{NameDialog, Named};
+use crate::viewer::rendering::view_side::ViewSide;
+use crate::viewer::session::saved_view::{SavedView, view_name};
 
 impl Viewer {
     /// Shows the view of that name: a side of the hand, or one that was saved.
@@ -14,14 +14,14 @@ impl Viewer {
     /// # Errors
     /// One sentence with the names that there are.
     pub fn go_to_view(&mut self, name: &str) -> anyhow::Result<()> {
-        if let (Some(preset), true) = (Preset::of(name), self.subject.pose().is_some()) {
+        if let (Some(side), true) = (ViewSide::of(name), self.subject.pose().is_some()) {
             self.turntable = false;
-            self.look_from(preset);
+            self.look_from(side);
             return Ok(());
         }
         let Some(view) = self.settings.views.iter().find(|view| view.name == name) else {
-            let presets = Preset::ALL.into_iter().filter(|_| self.subject.pose().is_some()).map(Preset::name);
-            let mut names: Vec<&str> = presets.collect();
+            let sides = ViewSide::ALL.into_iter().filter(|_| self.subject.pose().is_some()).map(ViewSide::name);
+            let mut names: Vec<&str> = sides.collect();
             names.extend(self.settings.views.iter().map(|view| view.name.as_str()));
             match names.is_empty() {
                 true => bail!("there is no view {name:?}; none has been saved"),

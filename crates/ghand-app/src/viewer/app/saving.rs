@@ -8,11 +8,11 @@ use ghand_files::atomic_file::write_atomically;
 
 use crate::viewer::app::Viewer;
 use crate::viewer::command::CommandId;
-use crate::viewer::file_dialog::{Answer, FileDialog, NO_DIALOG};
-use crate::viewer::file_reader::file_name;
-use crate::viewer::output_dialog::OutputDialog;
-use crate::viewer::subject::Subject;
-use crate::viewer::timeline_panel::KeyRequest;
+use crate::viewer::dialogs::file_dialog::{Answer, FileDialog, NO_DIALOG};
+use crate::viewer::dialogs::output_dialog::OutputDialog;
+use crate::viewer::document::file_reader::file_name;
+use crate::viewer::document::subject::Subject;
+use crate::viewer::hand::timeline_panel::KeyRequest;
 
 /// What is saved to the chosen file.
 #[derive(Debug, Clone, PartialEq)]

@@ -29,9 +29,9 @@ use glam::DVec2;
 use super::controls::thousands;
 use super::*;
 use crate::pose_choice::pose_by_name;
+use crate::viewer::document::scene::tests::scene;
 use crate::viewer::hand::Hand;
 use crate::viewer::hand::tests::untrained_avatar;
-use crate::viewer::scene::tests::scene;
 
 /// Size of the user interface, points.
 const SIZE: Vec2 = vec2(700.0, 400.0);

@@ -9,12 +9,12 @@ use egui::{
 use ghand_measure::metrics::{Psnr, psnr, quantize};
 
 use crate::viewer::app::Viewer;
-use crate::viewer::capture_panel::CapturePanel;
-use crate::viewer::comparison::{Comparison, LARGEST_DIFFERENCE, difference_image};
-use crate::viewer::legend::Legend;
-use crate::viewer::number_slider::number_slider;
-use crate::viewer::picture::PictureInputs;
-use crate::viewer::truth::{Pair, TruthReader};
+use crate::viewer::document::capture_panel::CapturePanel;
+use crate::viewer::rendering::picture::PictureInputs;
+use crate::viewer::stage::comparison::{Comparison, LARGEST_DIFFERENCE, difference_image};
+use crate::viewer::stage::legend::Legend;
+use crate::viewer::stage::truth_reader::{Pair, TruthReader};
+use crate::viewer::widgets::number_slider::number_slider;
 
 /// How long each of picture and truth is shown in turn, seconds.
 const FLICKER_SECS: f64 = 0.5;

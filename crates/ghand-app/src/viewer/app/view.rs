@@ -8,11 +8,11 @@ use glam::DVec2;
 
 use crate::viewer::app::Viewer;
 use crate::viewer::app::truth::tag;
-use crate::viewer::handles::draw_joint;
-use crate::viewer::navigation::{Drag, Grip};
-use crate::viewer::picture::{Picture, PictureInputs, Progress};
-use crate::viewer::screen::Screen;
-use crate::viewer::subject::Subject;
+use crate::viewer::document::subject::Subject;
+use crate::viewer::hand::handles::draw_joint;
+use crate::viewer::rendering::picture::{Picture, PictureInputs, Progress};
+use crate::viewer::rendering::screen::Screen;
+use crate::viewer::stage::drags::{Drag, Grip};
 
 /// Interval of checks whether a picture is done.
 const SOON: Duration = Duration::from_millis(5);

@@ -4,7 +4,7 @@ use egui::accesskit::Role;
 use egui::{Key, Modifiers};
 
 use super::*;
-use crate::viewer::preset::Preset;
+use crate::viewer::rendering::view_side::ViewSide;
 
 fn viewer() -> Headless {
     let mut ui = Headless::new(Subject::Hand(Box::new(small_hand())), vec2(SIZE.x, 460.0), 0.1);
@@ -26,7 +26,7 @@ fn a_menu_runs_commands() {
     let mut ui = viewer();
     let mut palm = ui.viewer().camera.clone();
     let pose = ui.hand().pose.clone();
-    palm.look_from(Preset::Palm, ui.hand().model(), &pose);
+    palm.look_from(ViewSide::Palm, ui.hand().model(), &pose);
     palm.frame(&ui.hand().posed_vertices());
     ui.harness.get_by_role_and_label(Role::Button, "View").click();
     (0..2).for_each(|_| ui.harness.step());

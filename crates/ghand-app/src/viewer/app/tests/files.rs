@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use super::*;
+use crate::viewer::document::watched_file::WatchedFile;
 use crate::viewer::hand::tests::untrained_avatar;
-use crate::viewer::watched_file::WatchedFile;
 
 fn viewer() -> Headless {
     let mut ui = Headless::new(Subject::Hand(Box::new(small_hand())), SIZE, 0.6);

@@ -8,8 +8,8 @@ use ghand_render::viridis::viridis;
 use glam::DVec3;
 
 use super::*;
-use crate::viewer::layer::Layer;
-use crate::viewer::picture::tests::pixels;
+use crate::viewer::rendering::picture::tests::pixels;
+use crate::viewer::stage::layer::Layer;
 use ghand_pictures::color_scale::diverging;
 
 const SKIN: [f64; 3] = [0.8, 0.6, 0.5];

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::*;
-use crate::viewer::output_dialog::{OutputDialog, OutputKind, SERIES};
+use crate::viewer::dialogs::output_dialog::{OutputDialog, OutputKind, SERIES};
 
 impl Headless {
     /// Saves what was asked for and runs the user interface until it is done. Returns how many frames that took.

@@ -7,7 +7,7 @@ use ghand_motion::RestSkeleton;
 use ghand_motion::ik::HandIk;
 
 use super::*;
-use crate::viewer::screen::Screen;
+use crate::viewer::rendering::screen::Screen;
 
 pub(super) const WIDE: Vec2 = vec2(760.0, 500.0);
 

@@ -15,9 +15,9 @@ use glam::DVec3;
 
 use super::*;
 use crate::capture_source::CaptureReading;
-use crate::viewer::capture_panel::CapturePanel;
 use crate::viewer::command::CommandId;
-use crate::viewer::picture::PictureInputs;
+use crate::viewer::document::capture_panel::CapturePanel;
+use crate::viewer::rendering::picture::PictureInputs;
 
 /// The built-in hand in front of the first camera of a small capture.
 fn viewer(folder: &Path) -> Headless {

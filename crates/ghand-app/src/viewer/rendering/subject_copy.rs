@@ -8,9 +8,9 @@ use ghand_render::splat::Purpose;
 use ghand_render::{Gpu, RenderError};
 
 use crate::bare_hand::BareHand;
-use crate::viewer::drawing::Drawing;
+use crate::viewer::document::subject::Subject;
 use crate::viewer::hand::{Hand, Look};
-use crate::viewer::subject::Subject;
+use crate::viewer::rendering::drawing::Drawing;
 
 /// What can be drawn of a subject.
 #[derive(Debug, Clone)]

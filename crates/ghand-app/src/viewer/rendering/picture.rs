@@ -12,9 +12,9 @@ use ghand_render::timing::FrameClock;
 use ghand_render::{Gpu, RenderError};
 use glam::DVec3;
 
-use crate::viewer::drawing::{Drawing, GaussianColors};
-use crate::viewer::frame_times::{FrameTimes, STAGES, StageTimes};
-use crate::viewer::subject::Subject;
+use crate::viewer::document::subject::Subject;
+use crate::viewer::rendering::drawing::{Drawing, GaussianColors};
+use crate::viewer::rendering::frame_times::{FrameTimes, STAGES, StageTimes};
 use ghand_avatar::pose_properties::PoseProperties;
 
 /// Format of the texture: display values, as the user interface expects.

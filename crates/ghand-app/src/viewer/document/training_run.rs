@@ -7,7 +7,7 @@ use std::time::SystemTime;
 use egui::{ColorImage, Context, Image, RichText, TextureHandle, TextureOptions, Ui, vec2};
 
 use crate::run_files::{AVATAR_FILE, CHECKPOINTS, CURVES_TABLE, METRICS_FILE, PREVIEW, PREVIEW_AVATAR};
-use crate::viewer::curve_plot::curve_plot;
+use crate::viewer::widgets::curve_plot::curve_plot;
 
 /// Seconds between two looks at the files.
 const INTERVAL_SECS: f64 = 1.0;

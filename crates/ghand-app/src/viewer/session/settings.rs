@@ -7,7 +7,7 @@ use etcetera::{BaseStrategy, choose_base_strategy};
 use ghand_files::atomic_file::write_atomically;
 use serde::{Deserialize, Serialize};
 
-use crate::viewer::saved_view::{SavedView, view_name};
+use crate::viewer::session::saved_view::{SavedView, view_name};
 
 /// Most recent files that are remembered.
 const MOST_RECENT: usize = 8;

@@ -6,9 +6,9 @@ use egui::{Button, DragValue, Ui, Vec2};
 use ghand_core::{HandModel, Pose};
 use ghand_motion::motions::MOTION_NAMES;
 
-use crate::viewer::key_strip::key_strip;
-use crate::viewer::number_slider::number_slider;
-use crate::viewer::timeline::Timeline;
+use crate::viewer::hand::key_strip::key_strip;
+use crate::viewer::hand::timeline::Timeline;
+use crate::viewer::widgets::number_slider::number_slider;
 
 /// Width of the button that starts and stops a motion, points.
 const BUTTON_WIDTH: f32 = 52.0;

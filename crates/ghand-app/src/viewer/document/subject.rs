@@ -16,10 +16,10 @@ use ghand_render::{Gpu, RenderError};
 use crate::file_kind::{FileKind, file_kind};
 use crate::hand_model_file::{is_hand_name, load_hand_model};
 use crate::lighting::Lighting;
-use crate::viewer::camera::OrbitCamera;
-use crate::viewer::drawing::Drawing;
+use crate::viewer::document::scene::read_scene;
 use crate::viewer::hand::{Hand, Look};
-use crate::viewer::scene::read_scene;
+use crate::viewer::rendering::camera::OrbitCamera;
+use crate::viewer::rendering::drawing::Drawing;
 
 /// What the viewer shows.
 pub enum Subject {

@@ -6,7 +6,7 @@ use ghand_core::{Camera, HandModel, Pose, Side};
 use glam::{DQuat, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
-use crate::viewer::preset::Preset;
+use crate::viewer::rendering::view_side::ViewSide;
 use ghand_avatar::framing::{Upright, middle};
 
 /// Field of view along the shorter edge of the picture, radians: about that of a portrait lens.
@@ -165,14 +165,14 @@ impl OrbitCamera {
     }
 
     /// Turns to a side of a hand in a pose.
-    pub fn look_from(&mut self, preset: Preset, model: &HandModel, pose: &Pose) {
+    pub fn look_from(&mut self, side: ViewSide, model: &HandModel, pose: &Pose) {
         let to_thumb = if model.side == Side::Right { -FRAC_PI_2 } else { FRAC_PI_2 };
-        (self.yaw, self.pitch) = match preset {
-            Preset::Back => (0.0, 0.0),
-            Preset::Palm => (PI, 0.0),
-            Preset::ThumbSide => (to_thumb, 0.0),
-            Preset::LittleFingerSide => (-to_thumb, 0.0),
-            Preset::Fingertips => (0.0, FRAC_PI_2 - POLE_MARGIN),
+        (self.yaw, self.pitch) = match side {
+            ViewSide::Back => (0.0, 0.0),
+            ViewSide::Palm => (PI, 0.0),
+            ViewSide::ThumbSide => (to_thumb, 0.0),
+            ViewSide::LittleFingerSide => (-to_thumb, 0.0),
+            ViewSide::Fingertips => (0.0, FRAC_PI_2 - POLE_MARGIN),
         };
         self.upright = Upright::posed(model, pose);
         self.calibrated = None;
@@ -485,29 +485,29 @@ mod tests {
     }
 
     #[test]
-    fn presets_show_the_sides_of_either_hand() {
+    fn each_side_of_either_hand_is_seen() {
         let (right, mut orbit) = setup();
         let left = ProceduralHand { detail: 1, left: true, ..Default::default() }.build().unwrap();
         for model in [right, left] {
             let pose = Pose::rest(model.joint_count());
-            let mut seen = |preset| {
-                orbit.look_from(preset, &model, &pose);
+            let mut seen = |side| {
+                orbit.look_from(side, &model, &pose);
                 orbit.frame(&model.vertices);
                 let camera = orbit.camera([300, 300]);
                 let at = |name: &str| camera.camera_from_world(model.joints[model.joint_index(name).unwrap()]);
                 (at("thumb3"), at("index1"), at("pinky1"), at("middle1"), at("wrist"))
             };
-            let (thumb, _, pinky, middle, wrist) = seen(Preset::Back);
+            let (thumb, _, pinky, middle, wrist) = seen(ViewSide::Back);
             let mirror = if model.side == Side::Right { 1.0 } else { -1.0 };
             // The thumb of the back of a right hand is on the left.
             assert!(mirror * (pinky.x - thumb.x) > 0.0 && middle.y < wrist.y);
-            let (thumb, _, pinky, ..) = seen(Preset::Palm);
+            let (thumb, _, pinky, ..) = seen(ViewSide::Palm);
             assert!(mirror * (pinky.x - thumb.x) < 0.0);
-            let (_, index, pinky, ..) = seen(Preset::ThumbSide);
+            let (_, index, pinky, ..) = seen(ViewSide::ThumbSide);
             assert!(index.z < pinky.z);
-            let (_, index, pinky, ..) = seen(Preset::LittleFingerSide);
+            let (_, index, pinky, ..) = seen(ViewSide::LittleFingerSide);
             assert!(pinky.z < index.z);
-            let (.., middle, wrist) = seen(Preset::Fingertips);
+            let (.., middle, wrist) = seen(ViewSide::Fingertips);
             assert!(middle.z < wrist.z);
         }
     }

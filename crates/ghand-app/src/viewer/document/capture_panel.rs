@@ -12,8 +12,8 @@ use ghand_motion::{PoseFrame, PoseOptions, PoseSequence};
 
 use crate::capture_source::{CaptureReading, check_sides};
 use crate::run_files::CAMERAS_FILE;
-use crate::viewer::capture_poses::CapturePoses;
-use crate::viewer::number_slider::number_slider;
+use crate::viewer::document::capture_poses::CapturePoses;
+use crate::viewer::widgets::number_slider::number_slider;
 
 /// A capture's cameras, and its poses for the hand that is shown.
 #[derive(Debug, Clone)]

@@ -10,7 +10,7 @@ use ghand_motion::RestSkeleton;
 use ghand_motion::ik::{HandIk, LANDMARK_COUNT};
 use glam::{DMat3, DQuat, DVec3};
 
-use crate::viewer::screen::Screen;
+use crate::viewer::rendering::screen::Screen;
 
 /// Landmark at the wrist.
 const WRIST: usize = 0;

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use egui::{Color32, FontId, Grid, Pos2, Rect, RichText, Role, Sense, Stroke, Ui, WidgetInfo, pos2, vec2};
 
-use crate::viewer::picture::Median;
+use crate::viewer::rendering::picture::Median;
 
 /// Stages of a picture: the hand's pose, the projection of its Gaussians, their order by depth, their lists by tile, the
 /// blending, and the picture on the screen.

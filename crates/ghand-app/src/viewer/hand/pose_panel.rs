@@ -14,8 +14,8 @@ use ghand_hand_model::named_poses::POSE_NAMES;
 use glam::DVec3;
 
 use crate::pose_choice::pose_by_name;
-use crate::viewer::number_slider::number_slider;
-use crate::viewer::thumbnails::Thumbnails;
+use crate::viewer::hand::thumbnails::Thumbnails;
+use crate::viewer::widgets::number_slider::number_slider;
 
 /// Groups of joints in the order of the panel: title, and text that the joints' names contain.
 const GROUPS: [(&str, &[&str]); 6] = [

@@ -2,7 +2,7 @@
 
 use egui::{Color32, Id, Pos2, Rect, Role, Sense, Shape, Stroke, Ui, WidgetInfo, pos2, vec2};
 
-use crate::viewer::timeline::Timeline;
+use crate::viewer::hand::timeline::Timeline;
 
 /// Height of the strip, and half the size of a mark, points.
 const HEIGHT: f32 = 22.0;

@@ -10,7 +10,7 @@ use ghand_core::{Camera, Pose};
 use ghand_pictures::color_scale::quantile;
 use glam::DVec3;
 
-use crate::viewer::legend::{ColorMap, Legend};
+use crate::viewer::stage::legend::{ColorMap, Legend};
 
 /// What the colours show.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, ValueEnum)]
@@ -60,7 +60,7 @@ pub struct LayerInputs<'a> {
     pub pose: &'a Pose,
     /// The camera.
     pub camera: &'a Camera,
-    /// Depth of the plane from which depths are counted, metres: see [`crate::viewer::camera::OrbitCamera::apparent_depth`].
+    /// Depth of the plane from which depths are counted, metres: see [`crate::viewer::rendering::camera::OrbitCamera::apparent_depth`].
     pub depth_from: f64,
     /// The posed Gaussians, metres, world, N.
     pub posed: &'a [DVec3],

@@ -8,7 +8,7 @@ use ghand_core::posing::{pose_hand, shape_hand};
 use ghand_core::skeleton::pose_skeleton;
 use ghand_core::{HandModel, Pose};
 
-use crate::viewer::screen::Screen;
+use crate::viewer::rendering::screen::Screen;
 
 /// What is drawn over the view.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, ValueEnum)]

@@ -15,9 +15,9 @@ use crate::capture_source::CaptureReading;
 use crate::file_kind::{FileKind, file_kind};
 use crate::lighting::Lighting;
 use crate::pose_choice::PoseReadingArgs;
-use crate::viewer::capture_panel::CapturePanel;
-use crate::viewer::subject::Subject;
-use crate::viewer::training_run::TrainingRun;
+use crate::viewer::document::capture_panel::CapturePanel;
+use crate::viewer::document::subject::Subject;
+use crate::viewer::document::training_run::TrainingRun;
 
 /// What a file holds.
 pub enum Contents {

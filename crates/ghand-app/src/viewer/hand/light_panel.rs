@@ -3,7 +3,7 @@
 use egui::Ui;
 use ghand_avatar::Light;
 
-use crate::viewer::number_slider::number_slider;
+use crate::viewer::widgets::number_slider::number_slider;
 
 /// The lights to choose from, and how far the light is turned.
 pub struct LightPanel {

@@ -3,7 +3,7 @@
 use egui::Ui;
 use ghand_core::HandModel;
 
-use crate::viewer::number_slider::number_slider;
+use crate::viewer::widgets::number_slider::number_slider;
 
 /// Largest parameter, in standard deviations or the model's own units: beyond it hands stop looking like hands.
 const LARGEST: f64 = 3.0;

@@ -4,7 +4,7 @@ use egui::{ComboBox, Ui};
 use ghand_core::Pose;
 use ghand_motion::pose_sequence::between;
 
-use crate::viewer::number_slider::number_slider;
+use crate::viewer::widgets::number_slider::number_slider;
 
 /// The named pose to blend with, and how much of it.
 #[derive(Debug, Clone)]

@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::viewer::camera::ViewPoint;
-use crate::viewer::preset::Preset;
+use crate::viewer::rendering::camera::ViewPoint;
+use crate::viewer::rendering::view_side::ViewSide;
 
 /// Most characters of a name: more do not fit the panel.
 const LONGEST_NAME: usize = 30;
@@ -30,7 +30,7 @@ pub fn view_name(text: &str) -> Result<String, String> {
     if name.chars().count() > LONGEST_NAME || name.chars().any(char::is_control) {
         return Err(format!("The name of a view has at most {LONGEST_NAME} characters on one line."));
     }
-    match Preset::of(name) {
+    match ViewSide::of(name) {
         Some(_) => Err(format!("{name:?} is a side of the hand already; give the view another name.")),
         None => Ok(name.into()),
     }

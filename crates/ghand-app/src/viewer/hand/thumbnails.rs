@@ -11,10 +11,10 @@ use ghand_core::{HandModel, Pose};
 use ghand_pictures::{Background, Picture};
 use ghand_render::{Gpu, RenderError};
 
-use crate::viewer::camera::OrbitCamera;
-use crate::viewer::drawing::GaussianColors;
-use crate::viewer::picture::PictureInputs;
-use crate::viewer::subject_copy::SubjectCopy;
+use crate::viewer::rendering::camera::OrbitCamera;
+use crate::viewer::rendering::drawing::GaussianColors;
+use crate::viewer::rendering::picture::PictureInputs;
+use crate::viewer::rendering::subject_copy::SubjectCopy;
 
 /// Edge of a picture, pixels: twice its points, for displays of high resolution.
 const EDGE: u32 = 112;

@@ -14,8 +14,8 @@ use ghand_render::{Gpu, RenderError};
 use glam::{DVec2, DVec3};
 
 use crate::bare_hand::{BareHand, PosedMesh, studio_light};
-use crate::viewer::frame_times::STAGES;
-use crate::viewer::picture::PictureInputs;
+use crate::viewer::rendering::frame_times::STAGES;
+use crate::viewer::rendering::picture::PictureInputs;
 use ghand_avatar::pose_properties::PoseProperties;
 
 /// Samples per pixel along each axis.
