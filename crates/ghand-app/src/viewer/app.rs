@@ -36,7 +36,8 @@ use crate::viewer::hand::handles::HandleDrag;
 use crate::viewer::live::{Live, LiveSettings};
 use crate::viewer::output::OutputJob;
 use crate::viewer::rendering::camera::OrbitCamera;
-use crate::viewer::rendering::picture::{Median, Picture, PictureInputs, Progress};
+use crate::viewer::rendering::frame::{Median, PictureInputs};
+use crate::viewer::rendering::picture::{Picture, Progress};
 use crate::viewer::session::settings::Settings;
 use crate::viewer::session::toasts::Toasts;
 use crate::viewer::stage::adaptive_detail::AdaptiveDetail;
@@ -128,7 +129,7 @@ impl Viewer {
     /// [`RenderError`] if the device cannot hold the subject.
     pub fn new(gpu: &Gpu, subject: Subject, source: String) -> Result<Viewer, RenderError> {
         let largest_edge = if gpu.is_cpu() { LARGEST_PICTURE_CPU } else { LARGEST_PICTURE };
-        let picture = Picture::new(gpu, &subject, [largest_edge; 2])?;
+        let picture = Picture::new(gpu, subject.on_device(gpu, [largest_edge; 2])?)?;
         let camera = subject.first_view();
         Ok(Viewer {
             gpu: gpu.clone(),

@@ -35,8 +35,8 @@ use crate::viewer::hand::shape_panel::ShapePanel;
 use crate::viewer::hand::thumbnails::Thumbnails;
 use crate::viewer::hand::timeline::Timeline;
 use crate::viewer::hand::timeline_panel::{KeyRequest, timeline_panel};
+use crate::viewer::rendering::drawn_subject::DrawnSubject;
 use crate::viewer::rendering::screen::Screen;
-use crate::viewer::rendering::subject_copy::SubjectCopy;
 
 /// The named pose to blend with at first.
 const BLEND_TARGET: &str = "fist";
@@ -131,6 +131,14 @@ impl Hand {
     /// How it looks.
     pub fn look(&self) -> &Look {
         &self.look
+    }
+
+    /// What is drawn of it, as a copy.
+    pub fn drawn(&self) -> DrawnSubject {
+        match &self.look {
+            Look::Avatar(avatar) => DrawnSubject::Avatar(avatar.clone()),
+            Look::Bare(bare) => DrawnSubject::Bare(bare.clone()),
+        }
     }
 
     /// The avatar, if it is one.
@@ -424,7 +432,7 @@ impl Hand {
         let is_begun = self.pose_panel.thumbnails_mut().is_begun();
         if shown && !is_begun && !is_busy {
             let poses = self.pose_panel.named().iter().map(|(_, pose)| pose.clone()).collect();
-            let copy = SubjectCopy::of_hand(self);
+            let copy = self.drawn();
             let model = model(&self.look);
             self.pose_panel.thumbnails_mut().begin(gpu, copy, model, poses, context);
         }

@@ -12,7 +12,7 @@ use ghand_core::Pose;
 use ghand_motion::live::{LiveOptions, LivePoses, PacketKind};
 
 use crate::viewer::hand::Hand;
-use crate::viewer::rendering::picture::Median;
+use crate::viewer::rendering::frame::Median;
 pub use mailbox::{Mailbox, Packet};
 pub use port::LivePort;
 use rate::Rate;

@@ -13,13 +13,13 @@ use ghand_render::splat::band_rows;
 
 use crate::format_args::FormatArgs;
 use crate::viewer::rendering::drawing::GaussianColors;
-use crate::viewer::rendering::picture::PictureInputs;
-use crate::viewer::rendering::subject_copy::SubjectCopy;
+use crate::viewer::rendering::drawn_subject::DrawnSubject;
+use crate::viewer::rendering::frame::PictureInputs;
 
 /// What is to be made.
 pub struct OutputPlan {
     /// What the pictures show.
-    pub subject: SubjectCopy,
+    pub subject: DrawnSubject,
     /// Everything else, for each picture; all of one size.
     pub pictures: Vec<PictureInputs>,
     /// The colours of its Gaussians.

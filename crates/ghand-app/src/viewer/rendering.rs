@@ -2,8 +2,9 @@
 
 pub mod camera;
 pub mod drawing;
+pub mod drawn_subject;
+pub mod frame;
 pub mod frame_times;
 pub mod picture;
 pub mod screen;
-pub mod subject_copy;
 pub mod view_side;

@@ -162,7 +162,7 @@ impl Viewer {
 
     /// Shows another subject, if the device can hold it.
     fn show_subject(&mut self, subject: Subject, path: &Path) -> anyhow::Result<()> {
-        let picture = Picture::new(&self.gpu, &subject, [self.largest_edge; 2])?;
+        let picture = Picture::new(&self.gpu, subject.on_device(&self.gpu, [self.largest_edge; 2])?)?;
         self.picture = picture;
         self.subject = subject;
         self.live_subject_changed();

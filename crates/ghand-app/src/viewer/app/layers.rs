@@ -9,7 +9,7 @@ use glam::DVec3;
 use crate::viewer::app::Viewer;
 use crate::viewer::document::subject::Subject;
 use crate::viewer::rendering::drawing::GaussianColors;
-use crate::viewer::rendering::picture::PictureInputs;
+use crate::viewer::rendering::frame::PictureInputs;
 use crate::viewer::stage::layer::{Layer, LayerInputs};
 use crate::viewer::stage::legend::Legend;
 use crate::viewer::stage::overlay::Overlay;

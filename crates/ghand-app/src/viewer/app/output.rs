@@ -17,8 +17,9 @@ use crate::viewer::document::training_run::TrainingRun;
 use crate::viewer::live::Live;
 use crate::viewer::output::{OutputJob, OutputPlan};
 use crate::viewer::rendering::drawing::GaussianColors;
-use crate::viewer::rendering::picture::{PictureInputs, Progress};
-use crate::viewer::rendering::subject_copy::SubjectCopy;
+use crate::viewer::rendering::drawn_subject::DrawnSubject;
+use crate::viewer::rendering::frame::PictureInputs;
+use crate::viewer::rendering::picture::Progress;
 
 /// Size of pictures and films that are offered if there is no picture yet, pixels.
 const SIZE: [u32; 2] = [1280, 800];
@@ -126,11 +127,11 @@ impl Viewer {
             (GaussianColors::Given(_), OutputKind::Motion) => GaussianColors::Own,
             (colors, _) => colors.clone(),
         };
-        OutputPlan { subject: SubjectCopy::new(&self.subject), pictures, colors, background, fps }
+        OutputPlan { subject: self.subject.drawn(), pictures, colors, background, fps }
     }
 
     fn empty_plan(&self, background: Background) -> OutputPlan {
-        let subject = SubjectCopy::new(&self.subject);
+        let subject = self.subject.drawn();
         OutputPlan { subject, pictures: Vec::new(), colors: GaussianColors::Own, background, fps: DEFAULT_FPS }
     }
 

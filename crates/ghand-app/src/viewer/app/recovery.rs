@@ -3,7 +3,7 @@
 use crate::viewer::app::Viewer;
 use crate::viewer::document::subject::Subject;
 use crate::viewer::document::training_run::TrainingRun;
-use crate::viewer::rendering::picture::Median;
+use crate::viewer::rendering::frame::Median;
 
 /// How many times in a row the device may be lost before a picture is done.
 const MOST_LOSSES: u32 = 3;

@@ -10,7 +10,7 @@ use ghand_measure::metrics::{Psnr, psnr, quantize};
 
 use crate::viewer::app::Viewer;
 use crate::viewer::document::capture_panel::CapturePanel;
-use crate::viewer::rendering::picture::PictureInputs;
+use crate::viewer::rendering::frame::PictureInputs;
 use crate::viewer::stage::comparison::{Comparison, LARGEST_DIFFERENCE, difference_image};
 use crate::viewer::stage::legend::Legend;
 use crate::viewer::stage::truth_reader::{Pair, TruthReader};

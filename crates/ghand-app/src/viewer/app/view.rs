@@ -10,7 +10,8 @@ use crate::viewer::app::Viewer;
 use crate::viewer::app::truth::tag;
 use crate::viewer::document::subject::Subject;
 use crate::viewer::hand::handles::draw_joint;
-use crate::viewer::rendering::picture::{Picture, PictureInputs, Progress};
+use crate::viewer::rendering::frame::PictureInputs;
+use crate::viewer::rendering::picture::{Picture, Progress};
 use crate::viewer::rendering::screen::Screen;
 use crate::viewer::stage::drags::{Drag, Grip};
 
@@ -122,7 +123,7 @@ impl Viewer {
         self.shown = None;
         self.truth.forget_comparison();
         self.layers.forget_subject();
-        self.picture = Picture::new(&self.gpu, &self.subject, [self.largest_edge; 2])?;
+        self.picture = Picture::new(&self.gpu, self.subject.on_device(&self.gpu, [self.largest_edge; 2])?)?;
         Ok(())
     }
 

@@ -20,6 +20,7 @@ use crate::viewer::document::scene::read_scene;
 use crate::viewer::hand::{Hand, Look};
 use crate::viewer::rendering::camera::OrbitCamera;
 use crate::viewer::rendering::drawing::Drawing;
+use crate::viewer::rendering::drawn_subject::DrawnSubject;
 
 /// What the viewer shows.
 pub enum Subject {
@@ -87,6 +88,14 @@ impl Subject {
     /// An avatar at rest.
     pub fn avatar(avatar: Avatar) -> Subject {
         Subject::Hand(Box::new(Hand::new(avatar)))
+    }
+
+    /// What is drawn of it, as a copy.
+    pub fn drawn(&self) -> DrawnSubject {
+        match self {
+            Subject::Hand(hand) => hand.drawn(),
+            Subject::Scene { gaussians, .. } => DrawnSubject::Scene(Box::new(gaussians.clone())),
+        }
     }
 
     /// The subject's name.

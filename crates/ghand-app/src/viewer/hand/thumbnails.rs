@@ -13,8 +13,8 @@ use ghand_render::{Gpu, RenderError};
 
 use crate::viewer::rendering::camera::OrbitCamera;
 use crate::viewer::rendering::drawing::GaussianColors;
-use crate::viewer::rendering::picture::PictureInputs;
-use crate::viewer::rendering::subject_copy::SubjectCopy;
+use crate::viewer::rendering::drawn_subject::DrawnSubject;
+use crate::viewer::rendering::frame::PictureInputs;
 
 /// Edge of a picture, pixels: twice its points, for displays of high resolution.
 const EDGE: u32 = 112;
@@ -55,7 +55,7 @@ impl Thumbnails {
     }
 
     /// Begins to make the pictures of a hand in poses, on another device of the same adapter. Each new one is shown at once.
-    pub fn begin(&mut self, gpu: &Gpu, subject: SubjectCopy, model: &HandModel, poses: Vec<Pose>, context: &Context) {
+    pub fn begin(&mut self, gpu: &Gpu, subject: DrawnSubject, model: &HandModel, poses: Vec<Pose>, context: &Context) {
         self.textures = vec![None; poses.len()];
         let (sender, made) = channel();
         let (is_paused, stop) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicBool::new(false)));

@@ -14,8 +14,7 @@ use ghand_render::{Gpu, RenderError};
 use glam::{DVec2, DVec3};
 
 use crate::bare_hand::{BareHand, PosedMesh, studio_light};
-use crate::viewer::rendering::frame_times::STAGES;
-use crate::viewer::rendering::picture::PictureInputs;
+use crate::viewer::rendering::frame::{PictureInputs, STAGES};
 use ghand_avatar::pose_properties::PoseProperties;
 
 /// Samples per pixel along each axis.

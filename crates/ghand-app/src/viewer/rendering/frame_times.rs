@@ -4,11 +4,8 @@ use std::collections::VecDeque;
 
 use egui::{Color32, FontId, Grid, Pos2, Rect, RichText, Role, Sense, Stroke, Ui, WidgetInfo, pos2, vec2};
 
-use crate::viewer::rendering::picture::Median;
+use crate::viewer::rendering::frame::{Median, STAGES, StageTimes};
 
-/// Stages of a picture: the hand's pose, the projection of its Gaussians, their order by depth, their lists by tile, the
-/// blending, and the picture on the screen.
-pub const STAGES: [&str; 6] = ["pose", "project", "sort", "tiles", "blend", "show"];
 /// Colours of the stages, which are told apart with any colour vision (Okabe and Ito).
 const COLORS: [Color32; 6] = [
     Color32::from_rgb(230, 159, 0),
@@ -22,9 +19,6 @@ const COLORS: [Color32; 6] = [
 const SHOWN: usize = 120;
 /// Height of the plot, points.
 const HEIGHT: f32 = 72.0;
-
-/// The times of one picture, milliseconds, by stage. A device without timestamps has only their sum, as the blending.
-pub type StageTimes = [f64; STAGES.len()];
 
 /// The times of the last pictures.
 #[derive(Debug, Clone, Default)]

@@ -1,60 +1,26 @@
 //! The subject's picture as a texture, rendered without waiting for it.
 
-use std::collections::VecDeque;
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::time::Instant;
 
-use ghand_avatar::Light;
-use ghand_core::{Camera, Pose};
+use ghand_core::Pose;
 use ghand_render::splat::Counters;
 use ghand_render::texture_pass::{self, TexturePass};
 use ghand_render::timing::FrameClock;
 use ghand_render::{Gpu, RenderError};
 use glam::DVec3;
 
-use crate::viewer::document::subject::Subject;
 use crate::viewer::rendering::drawing::{Drawing, GaussianColors};
-use crate::viewer::rendering::frame_times::{FrameTimes, STAGES, StageTimes};
+use crate::viewer::rendering::frame::{Median, PictureInputs, STAGES, StageTimes};
+use crate::viewer::rendering::frame_times::FrameTimes;
 use ghand_avatar::pose_properties::PoseProperties;
 
 /// Format of the texture: display values, as the user interface expects.
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
-/// Number of times whose median is shown.
-const TIMES: usize = 60;
 /// Bytes of the counters.
 const COUNTER_BYTES: u64 = size_of::<Counters>() as u64;
 /// Data read back from a frame: the counters, then the clock.
 const READ_BACK_BYTES: u64 = COUNTER_BYTES + FrameClock::bytes(STAGES.len() as u32);
-
-/// Everything that a picture depends on.
-#[derive(Debug, Clone, PartialEq)]
-pub struct PictureInputs {
-    /// The pose, if the subject has one.
-    pub pose: Option<Pose>,
-    /// The shape, if the subject has one.
-    pub shape: Vec<f64>,
-    /// The light, if it is apart from the subject's colours.
-    pub light: Option<Light>,
-    /// The camera; its size is the picture's.
-    pub camera: Camera,
-    /// Colour behind the subject, display values.
-    pub background: [f32; 3],
-}
-
-impl PictureInputs {
-    /// Whether another picture shows the same, perhaps in another size.
-    pub fn shows_the_same(&self, other: &PictureInputs) -> bool {
-        // Whole pixels change the field of view a little.
-        let field = |camera: &Camera| camera.focal.x / f64::from(camera.width.min(camera.height));
-        let (a, b) = (&self.camera, &other.camera);
-        self.pose == other.pose
-            && self.shape == other.shape
-            && self.light == other.light
-            && self.background == other.background
-            && (a.rotation, a.translation) == (b.rotation, b.translation)
-            && (field(a) / field(b) - 1.0).abs() < 0.01
-    }
-}
 
 /// The state of the last picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -67,34 +33,6 @@ pub enum Progress {
     Incomplete,
     /// The device cannot hold that many tile intersections; fewer pixels need fewer.
     TooFine,
-}
-
-/// Median of the last times.
-#[derive(Debug, Clone, Default)]
-pub struct Median {
-    times: VecDeque<f64>,
-}
-
-impl Median {
-    /// Adds a time.
-    pub fn add(&mut self, time: f64) {
-        if self.times.len() == TIMES {
-            self.times.pop_front();
-        }
-        self.times.push_back(time);
-    }
-
-    /// Forgets all times.
-    pub fn clear(&mut self) {
-        self.times.clear();
-    }
-
-    /// The median, if there is any time.
-    pub fn get(&self) -> Option<f64> {
-        let mut sorted: Vec<f64> = self.times.iter().copied().collect();
-        sorted.sort_by(f64::total_cmp);
-        sorted.get(sorted.len() / 2).copied()
-    }
 }
 
 struct Pending {
@@ -124,12 +62,11 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// Uploads a subject to the device, for pictures of at most `max_size` pixels.
+    /// The picture of a subject on the device.
     ///
     /// # Errors
     /// [`RenderError`] if the device cannot hold it.
-    pub fn new(gpu: &Gpu, subject: &Subject, max_size: [u32; 2]) -> Result<Picture, RenderError> {
-        let drawing = subject.on_device(gpu, max_size)?;
+    pub fn new(gpu: &Gpu, drawing: Drawing) -> Result<Picture, RenderError> {
         let pass =
             TexturePass::new(gpu, texture_pass::Target { replace: true, ..texture_pass::Target::color(FORMAT) })?;
         gpu.scoped("the viewer's picture", || Picture::make(gpu, drawing, pass))
@@ -359,6 +296,8 @@ fn target(gpu: &Gpu, width: u32, height: u32) -> Target {
 
 #[cfg(test)]
 pub(crate) mod tests {
+    use std::sync::Arc;
+
     use ghand_avatar::Scene;
     use ghand_core::Side;
     use ghand_hand_model::builtin::builtin_hand;
@@ -369,6 +308,7 @@ pub(crate) mod tests {
     use super::*;
     use crate::bare_hand::{BareHand, studio_light};
     use crate::viewer::hand::tests::untrained_avatar;
+    use crate::viewer::rendering::drawn_subject::DrawnSubject;
     use ghand_avatar::framing::turntable;
 
     /// The texture's pixels as red, green, blue and alpha.
@@ -390,12 +330,16 @@ pub(crate) mod tests {
         bytes.chunks(row as usize).flat_map(|r| r[..4 * texture.width() as usize].to_vec()).collect()
     }
 
+    fn picture_of(gpu: &Gpu, subject: &DrawnSubject) -> Picture {
+        Picture::new(gpu, subject.on_device(gpu, [128, 128]).unwrap()).unwrap()
+    }
+
     #[test]
     fn the_texture_holds_what_the_splatter_rendered() {
         let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
         let avatar = untrained_avatar();
         let pose = Pose::rest(avatar.model.joint_count());
-        let mut picture = Picture::new(&gpu, &Subject::avatar(avatar.clone()), [128, 128]).unwrap();
+        let mut picture = picture_of(&gpu, &DrawnSubject::Avatar(Box::new(avatar.clone())));
         let mut scene = Scene::new(&gpu, &[&avatar], Purpose::Images, 1, [128, 128]).unwrap();
         scene.set_pose(&gpu, 0, 0, &pose).unwrap();
         // The second picture is smaller: rows must not be mixed up.
@@ -426,7 +370,7 @@ pub(crate) mod tests {
         let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
         let model = builtin_hand(Side::Right).unwrap();
         let hand = BareHand::new(model.clone());
-        let mut picture = Picture::new(&gpu, &Subject::bare_hand(model.clone()), [128, 128]).unwrap();
+        let mut picture = picture_of(&gpu, &DrawnSubject::Bare(Arc::new(hand.clone())));
         let pose = Pose::rest(model.joint_count());
         let mut shape = vec![0.0; 10];
         for (size, first) in [([101, 77], 0.0), ([50, 90], 3.0)] {
@@ -453,13 +397,5 @@ pub(crate) mod tests {
             assert!(worst <= 0.51, "{size:?}: {worst}");
             assert!(image.rgba.iter().filter(|p| p[3] > 0.5).count() > 500, "the hand is not in the picture");
         }
-    }
-
-    #[test]
-    fn the_median_is_that_of_the_last_sixty() {
-        let mut median = Median::default();
-        assert_eq!(median.get(), None);
-        (0..1000).for_each(|t| median.add(f64::from(t)));
-        assert_eq!(median.get(), Some(970.0));
     }
 }

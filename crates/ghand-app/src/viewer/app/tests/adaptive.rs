@@ -39,7 +39,7 @@ fn measuring_shows_the_times_of_the_stages() {
     (0..5).for_each(|_| _ = ui.frame(Vec::new()));
     assert!(ui.harness.query_by_label_contains("Times of the last").is_some());
     if ui.viewer().gpu.device.features().contains(wgpu::Features::TIMESTAMP_QUERY) {
-        for stage in crate::viewer::rendering::frame_times::STAGES {
+        for stage in crate::viewer::rendering::frame::STAGES {
             assert!(ui.harness.query_by_label_contains(&format!("{stage} ")).is_some(), "{stage}");
         }
     }

@@ -17,7 +17,7 @@ use super::*;
 use crate::capture_source::CaptureReading;
 use crate::viewer::command::CommandId;
 use crate::viewer::document::capture_panel::CapturePanel;
-use crate::viewer::rendering::picture::PictureInputs;
+use crate::viewer::rendering::frame::PictureInputs;
 
 /// The built-in hand in front of the first camera of a small capture.
 fn viewer(folder: &Path) -> Headless {
