@@ -10,11 +10,11 @@ use clap::Parser;
 use ghand_app::baked::{baked, refuse_quality};
 use ghand_app::capture_args::CaptureOptions;
 use ghand_app::cli::{self, AdapterArgs, parse_size};
+use ghand_app::command_inputs::CommandInputs;
 use ghand_app::demo_avatar::{DEMO_AVATAR_NAME, demo_avatar};
 use ghand_app::file_kind::{FileKind, file_kind};
 use ghand_app::light_args::LightArgs;
 use ghand_app::lighting::Lighting;
-use ghand_app::own_inputs::OwnInputs;
 use ghand_app::pose_choice::PoseReadingArgs;
 use ghand_app::say;
 use ghand_app::train_run::run_folder::last_avatar;
@@ -223,7 +223,7 @@ fn check_options(arguments: &Arguments) -> anyhow::Result<()> {
         if path.extension().is_none_or(|ending| !ending.eq_ignore_ascii_case("png")) {
             bail!("--screenshot {}: must end in .png", path.display());
         }
-        let inputs = OwnInputs::default()
+        let inputs = CommandInputs::default()
             .and(arguments.file.as_ref().filter(|file| file.is_file()))
             .and(arguments.reading.inputs(arguments.pose.as_deref()))
             .and(arguments.light.lighting().input())

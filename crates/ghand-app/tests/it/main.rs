@@ -18,6 +18,7 @@ mod adapter;
 mod attack;
 mod bake;
 mod capture;
+mod command_inputs;
 mod data_sets;
 #[cfg(target_os = "linux")]
 mod device_loss;
@@ -32,7 +33,6 @@ mod live;
 #[cfg(feature = "networks")]
 mod lpips;
 mod options;
-mod own_inputs;
 mod pictures;
 mod render;
 #[cfg(unix)]

@@ -7,6 +7,8 @@ use ghand_avatar::ply::SplatScene;
 use ghand_render::splat::SplatModel;
 use glam::DVec3;
 
+use crate::scene_file::read_scene_file;
+
 /// Lowest opacity of Gaussians that determine the scene's extent: trained scenes have many invisible ones anywhere.
 const VISIBLE: f64 = 0.1;
 /// Fraction of the Gaussians within a scene's radius before it is enlarged by `MARGIN`.
@@ -23,23 +25,13 @@ const SPREAD: f64 = 2.5;
 /// # Errors
 /// One sentence that names the file and the invalid part.
 pub fn read_scene(path: &Path) -> anyhow::Result<SplatScene> {
-    let mut scene = read_suspicious(path)?;
+    let mut scene = read_scene_file(path)?;
     let bounds = Bounds::of(&scene);
     ensure!(
         bounds.is_some_and(|b| normalize(&mut scene, b)),
         "{}: Gaussians: none has a finite position and size; give another scene",
         path.display()
     );
-    Ok(scene)
-}
-
-/// Reads a scene, and warns of numbers that are probably not what the format says.
-///
-/// # Errors
-/// One sentence that names the file and the invalid part.
-pub fn read_suspicious(path: &Path) -> anyhow::Result<SplatScene> {
-    let scene = SplatScene::read(path)?;
-    scene.suspicions().iter().for_each(|suspicion| log::warn!("{}: {suspicion}", path.display()));
     Ok(scene)
 }
 

@@ -1,4 +1,4 @@
-//! Outputs that would replace what a command reads.
+//! What a command reads, which none of its outputs may replace.
 
 use std::path::{Path, PathBuf};
 
@@ -11,12 +11,12 @@ const DATA_ENDINGS: [&str; 6] = ["json", "glb", "gltf", "bin", "pkl", "npz"];
 
 /// The files and captures that a command reads.
 #[derive(Debug, Clone, Default)]
-pub struct OwnInputs(Vec<PathBuf>);
+pub struct CommandInputs(Vec<PathBuf>);
 
-impl OwnInputs {
+impl CommandInputs {
     /// Adds files, or folders of captures. What does not exist, such as the name of a pose, is no file.
     #[must_use]
-    pub fn and<P: AsRef<Path>>(mut self, paths: impl IntoIterator<Item = P>) -> OwnInputs {
+    pub fn and<P: AsRef<Path>>(mut self, paths: impl IntoIterator<Item = P>) -> CommandInputs {
         self.0.extend(paths.into_iter().map(|path| path.as_ref().to_path_buf()));
         self
     }
@@ -95,7 +95,7 @@ mod tests {
         std::fs::write(at("a.ghand"), "x").unwrap();
         std::fs::write(at("b.ghand"), "x").unwrap();
         std::fs::create_dir(at("sub")).unwrap();
-        let inputs = OwnInputs::default().and([at("a.ghand"), at("rest")]);
+        let inputs = CommandInputs::default().and([at("a.ghand"), at("rest")]);
         let mut same = vec![at("a.ghand"), at("sub/../a.ghand"), at("./a.ghand")];
         #[cfg(unix)]
         {
@@ -122,7 +122,7 @@ mod tests {
             std::fs::write(at(name), "x").unwrap();
         }
         for capture in ["S", "S/capture.json"] {
-            let inputs = OwnInputs::default().and([at(capture)]);
+            let inputs = CommandInputs::default().and([at(capture)]);
             for output in ["S/capture.json", "S/images/0.png"] {
                 assert!(inputs.refuse("--sheet", &at(output)).is_err(), "{capture} {output}");
             }

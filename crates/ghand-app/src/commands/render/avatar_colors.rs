@@ -8,7 +8,7 @@ use crate::lighting::Lighting;
 
 /// What the colours of an avatar show.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
-pub enum Shown {
+pub enum AvatarColors {
     /// The hand as it was trained.
     #[default]
     Skin,
@@ -17,20 +17,20 @@ pub enum Shown {
     Views,
 }
 
-impl Shown {
+impl AvatarColors {
     /// The avatar in these colours; skin in a light.
     ///
     /// # Errors
     /// One sentence if the avatar does not know what training saw, or has no light of its own.
     pub fn apply_to(self, avatar: Avatar, light: &Lighting) -> anyhow::Result<Avatar> {
         match self {
-            Shown::Skin => {
+            AvatarColors::Skin => {
                 let mut avatar = avatar;
                 light.apply_to(&mut avatar)?;
                 Ok(avatar)
             }
-            Shown::Views if !light.is_default() => bail!("--light: --show views has no light"),
-            Shown::Views => {
+            AvatarColors::Views if !light.is_default() => bail!("--light: --show views has no light"),
+            AvatarColors::Views => {
                 let remedy = match avatar.tables {
                     PropertyTables::Baked(_) => "bake it again, of an avatar whose file says so",
                     _ => "train the avatar again",
