@@ -1,5 +1,6 @@
 //! Live poses: packets from the port drive the hand until something else changes its pose.
 
+pub mod link;
 mod mailbox;
 mod origin;
 mod port;

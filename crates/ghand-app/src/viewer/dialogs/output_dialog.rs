@@ -1,6 +1,6 @@
 //! Asks what to save of the view: a picture, a turn around the subject, or its motion.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use egui::{Align2, Context, DragValue, Id, Modal};
 
@@ -64,9 +64,21 @@ impl OutputDialog {
     }
 
     /// Whether a file of this name can be what is saved.
-    pub fn fits(&self, path: &Path) -> bool {
+    fn fits(&self, path: &Path) -> bool {
         let endings: &[&str] = if self.kind == OutputKind::Picture { &PICTURES } else { &FILMS };
         path.extension().is_some_and(|own| endings.iter().any(|ending| own.eq_ignore_ascii_case(ending)))
+    }
+
+    /// The file to save to, which gets its ending if it has none, or the folder.
+    pub fn completed(&self, path: &Path) -> PathBuf {
+        let mut path = path.as_os_str().to_owned();
+        match self.ending() {
+            // A name with a dot is a folder's, too.
+            None => path.push(std::path::MAIN_SEPARATOR_STR),
+            Some(ending) if !self.fits(Path::new(&path)) => path.push(format!(".{ending}")),
+            Some(_) => {}
+        }
+        path.into()
     }
 
     /// Shows the question; a motion is offered if there is one.
