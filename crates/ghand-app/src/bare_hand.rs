@@ -1,4 +1,5 @@
-//! A hand model without an avatar, drawn as a hand: its mesh with the colours of skin and nails in soft light.
+//! A hand model without an avatar, drawn as a hand, by the viewer and by `ghand pose`: its mesh with the colours of skin
+//! and nails in soft light.
 
 mod complexion;
 

@@ -9,7 +9,7 @@ use clap::{Args, Parser};
 use ghand_render::{AdapterChoice, DeviceError, Gpu};
 
 use crate::runtime_dir::RuntimeDir;
-use crate::train_run::interruption::Interruption;
+use crate::train_run::interruption::{Interruption, STOPPED};
 
 /// Largest edge of an image that the splatter accepts, pixels.
 const LARGEST_EDGE: u32 = 16_384;
@@ -32,9 +32,6 @@ impl AdapterArgs {
         Gpu::new(&self.adapter.as_deref().map_or_else(AdapterChoice::from_env, AdapterChoice::parse))
     }
 }
-
-/// Exit code of a program that the user has stopped, the same as for Ctrl-C.
-pub const STOPPED: u8 = 130;
 
 /// The user has stopped the program: a line that says what exists.
 #[derive(Debug)]

@@ -1,52 +1,26 @@
 //! The viewer. [`app`] is the user interface, the same in a window and in a screenshot without a display.
+//!
+//! A folder uses only those above it in this list:
+//!
+//! - [`widgets`]: controls that know nothing of hands
+//! - [`rendering`]: how a subject becomes a picture
+//! - [`hand`]: a hand that is posed and shaped, with its panels
+//! - [`document`]: what is open
+//! - [`session`]: settings and messages
+//! - [`stage`]: what is on the screen
+//! - [`command`], [`dialogs`], [`live`], [`output`]: what can be done
+//! - [`app`], then [`window`] and [`screenshot`] around it
 
-pub mod adaptive_detail;
 pub mod app;
-pub mod blend_control;
-pub mod camera;
-pub mod capture_panel;
-pub mod capture_poses;
 pub mod command;
-pub mod command_palette;
-pub mod comparison;
-pub mod curve_plot;
-pub mod device_message;
-pub mod drawing;
-pub mod file_dialog;
-pub mod file_reader;
-pub mod frame_times;
+pub mod dialogs;
+pub mod document;
 pub mod hand;
-pub mod handles;
-pub mod help_overlay;
-pub mod history;
-pub mod key_strip;
-pub mod layer;
-pub mod legend;
-pub mod light_panel;
 pub mod live;
-pub mod name_dialog;
-pub mod navigation;
-pub mod number_slider;
 pub mod output;
-pub mod output_dialog;
-pub mod overlay;
-pub mod picture;
-pub mod pose_panel;
-pub mod preset;
-pub mod saved_view;
-pub mod scene;
-pub mod screen;
+pub mod rendering;
 pub mod screenshot;
-pub mod settings;
-pub mod shape_panel;
-pub mod slow_frames;
-pub mod subject;
-pub mod subject_copy;
-pub mod thumbnails;
-pub mod timeline;
-pub mod timeline_panel;
-pub mod toasts;
-pub mod training_run;
-pub mod truth;
-pub mod watched_file;
+pub mod session;
+pub mod stage;
+pub mod widgets;
 pub mod window;

@@ -19,7 +19,7 @@ use serde::Serialize;
 
 use ghand_app::capture_args::CaptureArgs;
 use ghand_app::cli::{AdapterArgs, Stopped};
-use ghand_app::own_inputs::refuse_capture_folder;
+use ghand_app::command_inputs::refuse_capture_folder;
 use ghand_app::say;
 use ghand_app::train_run::interruption::Interruption;
 use ghand_app::train_run::settings_args::SettingsArgs;

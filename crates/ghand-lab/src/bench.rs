@@ -22,7 +22,7 @@ use ghand_render::splat::{Purpose, SplatOptions, Splatter, View};
 use ghand_app::cli::{AdapterArgs, parse_count, parse_size};
 use ghand_app::pose_choice::PoseReadingArgs;
 use ghand_app::say;
-use ghand_app::viewer::scene::read_suspicious;
+use ghand_app::scene_file::read_scene_file;
 use ghand_avatar::framing::turntable;
 
 /// Options of `ghand-lab bench`.
@@ -150,7 +150,7 @@ fn set_up(args: &SplatArgs, gpu: &Gpu) -> anyhow::Result<(Splatter, Camera)> {
     };
     if args.scene != "hand" {
         ensure!(args.n.is_none(), "--n: --scene {} has its own Gaussians; omit --n", args.scene);
-        let scene = read_suspicious(args.scene.as_ref())?;
+        let scene = read_scene_file(args.scene.as_ref())?;
         let Some(camera) = camera else { bail!("--scene {}: needs a --camera", args.scene) };
         let size = [camera.width, camera.height];
         let options = SplatOptions { model: scene.model(), purpose: Purpose::Gradients, ..SplatOptions::default() };

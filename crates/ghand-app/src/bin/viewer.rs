@@ -10,26 +10,26 @@ use clap::Parser;
 use ghand_app::baked::{baked, refuse_quality};
 use ghand_app::capture_args::CaptureOptions;
 use ghand_app::cli::{self, AdapterArgs, parse_size};
+use ghand_app::command_inputs::CommandInputs;
 use ghand_app::demo_avatar::{DEMO_AVATAR_NAME, demo_avatar};
 use ghand_app::file_kind::{FileKind, file_kind};
 use ghand_app::light_args::LightArgs;
 use ghand_app::lighting::Lighting;
-use ghand_app::own_inputs::OwnInputs;
 use ghand_app::pose_choice::PoseReadingArgs;
 use ghand_app::say;
 use ghand_app::train_run::run_folder::last_avatar;
 use ghand_app::viewer::app::Viewer;
-use ghand_app::viewer::capture_panel::CapturePanel;
-use ghand_app::viewer::comparison::Comparison;
-use ghand_app::viewer::device_message;
-use ghand_app::viewer::layer::Layer;
+use ghand_app::viewer::document::capture_panel::CapturePanel;
+use ghand_app::viewer::document::subject::Subject;
+use ghand_app::viewer::document::training_run::TrainingRun;
 use ghand_app::viewer::live::{DEFAULT_PORT, LiveSettings};
-use ghand_app::viewer::overlay::Overlay;
 use ghand_app::viewer::screenshot::screenshot;
-use ghand_app::viewer::settings::{Settings, Theme};
-use ghand_app::viewer::subject::Subject;
-use ghand_app::viewer::training_run::TrainingRun;
+use ghand_app::viewer::session::settings::{Settings, Theme};
+use ghand_app::viewer::stage::comparison::Comparison;
+use ghand_app::viewer::stage::layer::Layer;
+use ghand_app::viewer::stage::overlay::Overlay;
 use ghand_app::viewer::window;
+use ghand_app::viewer::window::device_message;
 
 /// View an animatable hand avatar, or a scene of Gaussians
 #[derive(Debug, Parser)]
@@ -223,7 +223,7 @@ fn check_options(arguments: &Arguments) -> anyhow::Result<()> {
         if path.extension().is_none_or(|ending| !ending.eq_ignore_ascii_case("png")) {
             bail!("--screenshot {}: must end in .png", path.display());
         }
-        let inputs = OwnInputs::default()
+        let inputs = CommandInputs::default()
             .and(arguments.file.as_ref().filter(|file| file.is_file()))
             .and(arguments.reading.inputs(arguments.pose.as_deref()))
             .and(arguments.light.lighting().input())

@@ -24,7 +24,7 @@ use serde::Serialize;
 use crate::capture_args::CaptureArgs;
 use crate::capture_source::check_sides;
 use crate::cli::AdapterArgs;
-use crate::own_inputs::OwnInputs;
+use crate::command_inputs::CommandInputs;
 use crate::say;
 use pose_set::{NamedPose, PoseSet};
 use pose_set_args::PoseSetArgs;
@@ -135,7 +135,7 @@ pub fn run(args: &BakeArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let outputs = [args.out.clone(), beside("json"), beside("worst.png"), beside("loss.png")];
     if !args.force {
         let inputs =
-            OwnInputs::default().and([&args.avatar]).and(args.capture.source().inputs()).and(args.poses.inputs());
+            CommandInputs::default().and([&args.avatar]).and(args.capture.source().inputs()).and(args.poses.inputs());
         outputs.iter().try_for_each(|output| inputs.refuse("--out", output))?;
         if let Some(output) = outputs.iter().find(|output| output.exists()) {
             let remedy = "give another --out, or --force to replace it";

@@ -13,8 +13,8 @@ use ghand_hand_model::pose_correctives::fit_pose_directions;
 use ghand_render::DeviceError;
 
 use crate::cli::AdapterArgs;
+use crate::command_inputs::CommandInputs;
 use crate::hand_model_args::HandModelArgs;
-use crate::own_inputs::OwnInputs;
 use crate::pose_choice::{PoseReadingArgs, choose_frame};
 use crate::say;
 
@@ -54,7 +54,7 @@ pub struct ExportArgs {
 /// # Errors
 /// An error that names the file or the option and its problem.
 pub fn run(args: &ExportArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
-    let inputs = OwnInputs::default()
+    let inputs = CommandInputs::default()
         .and([&args.subject])
         .and(args.reading_poses.inputs(args.pose.as_deref()))
         .and(args.reading.reading().inputs());

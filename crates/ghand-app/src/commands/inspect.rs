@@ -22,9 +22,9 @@ use ghand_render::DeviceError;
 
 use crate::capture_args::CaptureOptions;
 use crate::cli::AdapterArgs;
+use crate::command_inputs::CommandInputs;
 use crate::file_kind::{FileKind, file_kind};
 use crate::hand_model_file::is_hand_name;
-use crate::own_inputs::OwnInputs;
 use crate::say;
 use contact_sheet::{SheetView, contact_sheet};
 
@@ -108,7 +108,7 @@ fn run_capture(args: &InspectArgs, path: &Path, adapter: &AdapterArgs) -> anyhow
     }
     let sheet = args.sheet.clone().unwrap_or_else(|| default_sheet(path));
     if !args.no_sheet {
-        OwnInputs::default().and([path]).and(args.options.reading().inputs()).refuse("--sheet", &sheet)?;
+        CommandInputs::default().and([path]).and(args.options.reading().inputs()).refuse("--sheet", &sheet)?;
         check_writable(&sheet)
             .with_context(|| format!("{}: cannot write the pictures; see --sheet", sheet.display()))?;
     }

@@ -1,6 +1,8 @@
 //! `ghand pose`: writes or draws the mesh of a hand model in any pose and shape, or converts poses to ghand's own
 //! format.
 
+mod mesh_picture;
+
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
@@ -19,13 +21,14 @@ use ghand_motion::{LandmarkFit, PoseFrame, PoseSequence};
 use ghand_pictures::{Background, Picture, StillFormat, parse_background};
 use glam::DVec3;
 
+use crate::blank_pictures::BlankPictures;
 use crate::cli::{AdapterArgs, parse_size};
+use crate::command_inputs::{CommandInputs, camera_file};
 use crate::hand_model_args::HandModelArgs;
-use crate::mesh_picture::{PictureStyle, draw};
-use crate::own_inputs::{OwnInputs, camera_file};
 use crate::pose_choice::{PoseReadingArgs, choose_frame};
 use crate::say;
-use crate::sight::BlankPictures;
+
+use mesh_picture::{PictureStyle, draw};
 
 /// Default size of a picture, if neither the command line nor a camera gives one.
 const DEFAULT_SIZE: [u32; 2] = [512, 512];
@@ -101,7 +104,7 @@ type WriteMesh = fn(&Path, &HandModel, &PoseFrame, &[DVec3]) -> Result<(), HandM
 pub fn run(args: &PoseArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let output = args.out.as_deref().map(output).transpose()?;
     let format = args.picture.as_deref().map(|path| StillFormat::of(path, "--picture")).transpose()?;
-    let inputs = OwnInputs::default()
+    let inputs = CommandInputs::default()
         .and(&args.hand_model)
         .and(args.reading.reading().inputs())
         .and(args.reading_poses.inputs(args.pose.as_deref()))

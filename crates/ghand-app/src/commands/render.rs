@@ -1,5 +1,7 @@
 //! `ghand render`: renders pictures and films of an avatar in any pose from any view.
 
+mod avatar_colors;
+
 use std::convert::Infallible;
 use std::path::{Path, PathBuf};
 
@@ -15,14 +17,15 @@ use ghand_pictures::{Background, Destination, Series, Shot, parse_background, tu
 use ghand_render::splat::{Purpose, band_rows};
 
 use crate::baked::{baked, refuse_quality};
+use crate::blank_pictures::BlankPictures;
 use crate::cli::{AdapterArgs, parse_count, parse_size};
+use crate::command_inputs::{CommandInputs, camera_file};
 use crate::format_args::FormatArgs;
 use crate::light_args::LightArgs;
-use crate::own_inputs::{OwnInputs, camera_file};
 use crate::pose_choice::{PoseReadingArgs, frame_number};
 use crate::say;
-use crate::shown::Shown;
-use crate::sight::BlankPictures;
+
+use avatar_colors::AvatarColors;
 
 /// Default size of a picture, if neither the command line nor a camera gives one.
 const DEFAULT_SIZE: [u32; 2] = [512, 512];
@@ -62,7 +65,7 @@ pub struct RenderArgs {
     out: PathBuf,
     /// What the colours show: skin, or how much the training views saw of each place
     #[arg(long, value_enum, default_value_t)]
-    show: Shown,
+    show: AvatarColors,
     #[command(flatten)]
     light: LightArgs,
     /// Draw the avatar baked, which is faster; it is baked first, unless it is beside the avatar already
@@ -90,7 +93,7 @@ fn parse_turns(text: &str) -> Result<f64, String> {
 pub fn run(args: &RenderArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let destination = args.format.destination(&args.out, stem(&args.pose))?;
     let light = args.light.lighting();
-    let inputs = OwnInputs::default()
+    let inputs = CommandInputs::default()
         .and([&args.avatar])
         .and(args.reading.inputs(Some(&args.pose)))
         .and(args.camera.as_deref().map(camera_file))

@@ -20,13 +20,13 @@ use image::ImageFormat;
 use safetensors::Dtype;
 use safetensors::tensor::TensorView;
 
+use crate::blank_pictures::BlankPictures;
 use crate::cli::{AdapterArgs, parse_count, parse_size};
+use crate::command_inputs::{CommandInputs, camera_file};
 use crate::format_args::FormatArgs;
-use crate::own_inputs::{OwnInputs, camera_file};
 use crate::pose_choice::parse_fps;
 use crate::say;
-use crate::sight::BlankPictures;
-use crate::viewer::scene::read_suspicious;
+use crate::scene_file::read_scene_file;
 
 /// Default size of a picture, if neither the command line nor a camera gives one.
 const DEFAULT_SIZE: [u32; 2] = [512, 512];
@@ -89,8 +89,10 @@ pub fn run(args: &SplatArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     if args.fps.is_some() && !matches!(destination, Destination::Film(..)) {
         bail!("--fps: --out {} is not a film; give .gif, .webm or .mp4, or omit --fps", args.out.display());
     }
-    let inputs =
-        OwnInputs::default().and([&args.scene]).and(args.camera.as_deref().map(camera_file)).and(args.weights.as_ref());
+    let inputs = CommandInputs::default()
+        .and([&args.scene])
+        .and(args.camera.as_deref().map(camera_file))
+        .and(args.weights.as_ref());
     destination.file().map_or(Ok(()), |path| inputs.refuse("--out", path))?;
     args.gradients.as_ref().map_or(Ok(()), |path| inputs.refuse("--gradients", path))?;
     if let Some(path) = &args.gradients
@@ -98,7 +100,7 @@ pub fn run(args: &SplatArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     {
         bail!("--gradients {}: must end in .safetensors", path.display());
     }
-    let scene = read_suspicious(&args.scene)?;
+    let scene = read_scene_file(&args.scene)?;
     let cameras = cameras(args, &scene)?;
     let size = cameras.first().map_or(DEFAULT_SIZE, |camera| [camera.width, camera.height]);
     let weights = args.weights.as_deref().map(|path| read_weights(path, size)).transpose()?;

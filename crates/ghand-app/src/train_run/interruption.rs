@@ -9,11 +9,13 @@ use anyhow::Context;
 use ghand_files::temporary;
 use signal_hook::consts::{SIGINT, SIGTERM};
 
-use crate::cli;
 use crate::train_run::run_folder::Leftovers;
 
 /// Interval of checks for signals: shorter than the time between two presses of Ctrl-C.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
+
+/// Exit code of a program that the user has stopped, the same as for Ctrl-C.
+pub const STOPPED: u8 = 130;
 
 /// Message of a run that ends before its training.
 pub const STOPPED_BEFORE_TRAINING: &str = "stopped before training: nothing was saved";
@@ -125,7 +127,7 @@ impl Interruption {
                 }
                 temporary::remove_all();
                 // Not `std::process::exit`: that would unload the graphics driver while it is working.
-                signal_hook::low_level::exit(cli::STOPPED.into())
+                signal_hook::low_level::exit(STOPPED.into())
             }
         }
     }

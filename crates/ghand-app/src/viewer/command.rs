@@ -2,9 +2,9 @@
 
 use egui::{Event, Key, KeyboardShortcut, Modifiers};
 
-use crate::viewer::comparison::Comparison;
-use crate::viewer::layer::Layer;
-use crate::viewer::overlay::Overlay;
+use crate::viewer::stage::comparison::Comparison;
+use crate::viewer::stage::layer::Layer;
+use crate::viewer::stage::overlay::Overlay;
 
 /// Names a command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

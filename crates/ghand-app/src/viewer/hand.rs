@@ -1,4 +1,16 @@
 //! A hand that the viewer poses and shapes: by named poses, joint by joint, or by a motion.
+//! Beside it are its panels, its handles, its motion and what undo needs.
+
+pub mod blend_control;
+pub mod handles;
+pub mod history;
+pub mod key_strip;
+pub mod light_panel;
+pub mod pose_panel;
+pub mod shape_panel;
+pub mod thumbnails;
+pub mod timeline;
+pub mod timeline_panel;
 
 use std::path::Path;
 use std::sync::Arc;
@@ -15,17 +27,17 @@ use glam::DVec3;
 
 use crate::bare_hand::BareHand;
 use crate::pose_choice::pose_by_name;
-use crate::viewer::blend_control::BlendControl;
-use crate::viewer::handles::{HandleDrag, Handles};
-use crate::viewer::history::History;
-use crate::viewer::light_panel::LightPanel;
-use crate::viewer::pose_panel::PosePanel;
-use crate::viewer::screen::Screen;
-use crate::viewer::shape_panel::ShapePanel;
-use crate::viewer::subject_copy::SubjectCopy;
-use crate::viewer::thumbnails::Thumbnails;
-use crate::viewer::timeline::Timeline;
-use crate::viewer::timeline_panel::{KeyRequest, timeline_panel};
+use crate::viewer::hand::blend_control::BlendControl;
+use crate::viewer::hand::handles::{HandleDrag, Handles};
+use crate::viewer::hand::history::History;
+use crate::viewer::hand::light_panel::LightPanel;
+use crate::viewer::hand::pose_panel::PosePanel;
+use crate::viewer::hand::shape_panel::ShapePanel;
+use crate::viewer::hand::thumbnails::Thumbnails;
+use crate::viewer::hand::timeline::Timeline;
+use crate::viewer::hand::timeline_panel::{KeyRequest, timeline_panel};
+use crate::viewer::rendering::drawn_subject::DrawnSubject;
+use crate::viewer::rendering::screen::Screen;
 
 /// The named pose to blend with at first.
 const BLEND_TARGET: &str = "fist";
@@ -120,6 +132,14 @@ impl Hand {
     /// How it looks.
     pub fn look(&self) -> &Look {
         &self.look
+    }
+
+    /// What is drawn of it, as a copy.
+    pub fn drawn(&self) -> DrawnSubject {
+        match &self.look {
+            Look::Avatar(avatar) => DrawnSubject::Avatar(avatar.clone()),
+            Look::Bare(bare) => DrawnSubject::Bare(bare.clone()),
+        }
     }
 
     /// The avatar, if it is one.
@@ -413,7 +433,7 @@ impl Hand {
         let is_begun = self.pose_panel.thumbnails_mut().is_begun();
         if shown && !is_begun && !is_busy {
             let poses = self.pose_panel.named().iter().map(|(_, pose)| pose.clone()).collect();
-            let copy = SubjectCopy::of_hand(self);
+            let copy = self.drawn();
             let model = model(&self.look);
             self.pose_panel.thumbnails_mut().begin(gpu, copy, model, poses, context);
         }

@@ -1,5 +1,6 @@
 //! Live poses: packets from the port drive the hand until something else changes its pose.
 
+pub mod link;
 mod mailbox;
 mod origin;
 mod port;
@@ -12,7 +13,7 @@ use ghand_core::Pose;
 use ghand_motion::live::{LiveOptions, LivePoses, PacketKind};
 
 use crate::viewer::hand::Hand;
-use crate::viewer::picture::Median;
+use crate::viewer::rendering::frame::Median;
 pub use mailbox::{Mailbox, Packet};
 pub use port::LivePort;
 use rate::Rate;

@@ -9,7 +9,7 @@ use ghand_render::Gpu;
 use image::{RgbImage, RgbaImage};
 
 use crate::viewer::app::Viewer;
-use crate::viewer::subject::Subject;
+use crate::viewer::document::subject::Subject;
 use crate::viewer::window::style;
 
 /// Format of the target: display values, as egui prefers.

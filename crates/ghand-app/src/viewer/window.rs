@@ -1,5 +1,8 @@
 //! The window around the user interface.
 
+pub mod device_message;
+pub mod slow_frames;
+
 use anyhow::anyhow;
 use eframe::egui_wgpu::{WgpuConfiguration, WgpuSetup, WgpuSetupExisting};
 use egui::ViewportCommand;
@@ -7,7 +10,7 @@ use ghand_render::{Gpu, RenderError};
 
 use crate::cli::{self, WITHOUT_WINDOW};
 use crate::viewer::app::Viewer;
-use crate::viewer::slow_frames::keep_clicks_in_slow_frames;
+use crate::viewer::window::slow_frames::keep_clicks_in_slow_frames;
 
 /// Initial size of the window, points.
 pub const WINDOW_SIZE: [u32; 2] = [1280, 800];

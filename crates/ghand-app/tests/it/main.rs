@@ -16,6 +16,7 @@ mod adapter;
 mod attack;
 mod bake;
 mod capture;
+mod command_inputs;
 mod data_sets;
 #[cfg(target_os = "linux")]
 mod device_loss;
@@ -30,7 +31,6 @@ mod live;
 #[cfg(feature = "networks")]
 mod lpips;
 mod options;
-mod own_inputs;
 mod pictures;
 mod render;
 #[cfg(unix)]

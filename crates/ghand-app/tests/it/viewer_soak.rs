@@ -12,7 +12,7 @@ use egui::{Event, Key, Modifiers, MouseWheelUnit, PointerButton, Pos2, Vec2, pos
 use egui_kittest::Harness;
 use ghand_app::viewer::app::Viewer;
 use ghand_app::viewer::command::{COMMANDS, CommandId};
-use ghand_app::viewer::subject::Subject;
+use ghand_app::viewer::document::subject::Subject;
 use ghand_core::Pose;
 use ghand_hand_model::named_poses::POSE_NAMES;
 use ghand_motion::motions::MOTION_NAMES;

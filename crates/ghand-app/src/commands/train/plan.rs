@@ -8,7 +8,7 @@ use ghand_train::presets::Preset;
 use ghand_train::{Align, TrainSettings};
 
 use super::TrainArgs;
-use crate::own_inputs::refuse_capture_folder;
+use crate::command_inputs::refuse_capture_folder;
 use crate::say;
 use crate::train_run::demo_capture::DEMO_CAPTURE;
 use crate::train_run::run_folder::{DEFAULT_FOLDER, RunFolder};

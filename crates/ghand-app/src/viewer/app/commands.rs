@@ -7,18 +7,14 @@ use ghand_hand_model::named_poses::POSE_NAMES;
 use ghand_motion::motions::MOTION_NAMES;
 
 use crate::viewer::app::Viewer;
-use crate::viewer::camera::Projection;
 use crate::viewer::command::{COMMANDS, Command, CommandId, Menu, Pressed, pressed};
-use crate::viewer::command_palette::{Choice, CommandPalette, Entry};
-use crate::viewer::file_dialog::FileDialog;
-use crate::viewer::file_reader::file_name;
+use crate::viewer::dialogs::command_palette::Entry;
+use crate::viewer::dialogs::output_dialog::OutputKind;
+use crate::viewer::document::file_reader::file_name;
 use crate::viewer::hand::Hand;
-use crate::viewer::help_overlay::help_overlay;
-use crate::viewer::name_dialog::NameDialog;
-use crate::viewer::output_dialog::OutputKind;
-use crate::viewer::preset::Preset;
-use crate::viewer::saved_view::SavedView;
-use crate::viewer::subject::Subject;
+use crate::viewer::hand::timeline_panel::KeyRequest;
+use crate::viewer::rendering::view_side::ViewSide;
+use crate::viewer::session::saved_view::SavedView;
 
 /// What an entry of the palette does.
 #[derive(Debug, Clone, PartialEq)]
@@ -34,19 +30,10 @@ enum Action {
 impl Viewer {
     /// Runs the commands whose keys were pressed, unless the palette or the help is open.
     pub(super) fn run_pressed(&mut self, context: &Context) {
-        if self.palette.is_some() || self.help_shown || self.naming_view.is_some() || self.output_dialog.is_some() {
-            // The same keys close them.
-            for asked in pressed(context) {
-                match asked {
-                    Pressed::Command(CommandId::ShowHelp) => self.help_shown = false,
-                    Pressed::Command(CommandId::ShowPalette) => self.palette = None,
-                    Pressed::Command(_) | Pressed::Pasted(_) => {}
-                }
-            }
-            return;
-        }
+        let taken = self.dialogs.take_keys();
         for asked in pressed(context) {
             match asked {
+                asked if taken => self.dialogs.close_by_key(&asked),
                 Pressed::Command(id) => self.run(id, context),
                 Pressed::Pasted(text) => self.paste(&text),
             }
@@ -58,109 +45,134 @@ impl Viewer {
         if !self.is_available(id) {
             return;
         }
+        let document = &mut self.document;
+        let stage = &mut self.stage;
+        let session = &mut self.session;
+        let subject = document.subject();
         match id {
-            CommandId::Open => self.file_dialog = Some(FileDialog::open(context)),
+            CommandId::Open => self.dialogs.ask_for_file(context),
             CommandId::SavePicture => self.ask_for_output(OutputKind::Picture),
             CommandId::SaveFilm => {
-                self.ask_for_output(if self.has_motion() { OutputKind::Motion } else { OutputKind::Turntable });
+                let has_motion = document.has_motion();
+                self.ask_for_output(if has_motion { OutputKind::Motion } else { OutputKind::Turntable });
             }
             CommandId::Quit => context.send_viewport_cmd(ViewportCommand::Close),
-            CommandId::Undo => self.edit_hand(Hand::undo),
-            CommandId::Redo => self.edit_hand(Hand::redo),
+            CommandId::Undo => document.edit_hand(Hand::undo),
+            CommandId::Redo => document.edit_hand(Hand::redo),
             CommandId::CopyPose => {
-                if let Subject::Hand(hand) = &self.subject {
+                if let Some(hand) = document.hand() {
                     context.copy_text(hand.pose_json());
-                    self.toasts.note("The pose is on the clipboard.");
+                    session.note("The pose is on the clipboard.");
                 }
             }
             CommandId::PastePose => context.send_viewport_cmd(ViewportCommand::RequestPaste),
-            CommandId::ShowHandles => self.settings.handles_shown = !self.settings.handles_shown,
-            CommandId::ShowThumbnails => self.settings.thumbnails_shown = !self.settings.thumbnails_shown,
-            CommandId::Play => self.edit_hand(|hand| hand.play_or_pause()),
+            CommandId::ShowHandles => toggle(&mut session.settings_mut().handles_shown),
+            CommandId::ShowThumbnails => toggle(&mut session.settings_mut().thumbnails_shown),
+            CommandId::Play => document.edit_hand(Hand::play_or_pause),
             CommandId::SetKey => self.set_key(),
-            CommandId::DeleteKey => self.edit_hand(Hand::delete_key),
-            CommandId::PreviousKey => self.edit_hand(|hand| hand.step_key(-1)),
-            CommandId::NextKey => self.edit_hand(|hand| hand.step_key(1)),
-            CommandId::SaveMotion => self.choose_motion_file(context),
-            CommandId::LivePoses => self.start_or_stop_live(),
+            CommandId::DeleteKey => document.edit_hand(Hand::delete_key),
+            CommandId::PreviousKey => document.edit_hand(|hand| hand.step_key(-1)),
+            CommandId::NextKey => document.edit_hand(|hand| hand.step_key(1)),
+            CommandId::SaveMotion => self.dialogs.ask_for_motion_file(context),
+            CommandId::LivePoses => {
+                if let Err(error) = self.live.start_or_stop() {
+                    session.error(&error);
+                }
+            }
             CommandId::ResetAll => self.reset_all(),
-            CommandId::Frame => self.frame_subject(),
-            CommandId::ResetView => self.reset_view(),
-            CommandId::ViewBack => self.look_from(Preset::Back),
-            CommandId::ViewPalm => self.look_from(Preset::Palm),
-            CommandId::ViewThumbSide => self.look_from(Preset::ThumbSide),
-            CommandId::ViewLittleFingerSide => self.look_from(Preset::LittleFingerSide),
-            CommandId::ViewFingertips => self.look_from(Preset::Fingertips),
-            CommandId::SwitchProjection => self.camera.switch_projection(),
-            CommandId::SaveView => self.naming_view = Some(NameDialog::default()),
-            CommandId::Turntable => self.turntable = !self.turntable,
+            CommandId::Frame => stage.frame(subject),
+            CommandId::ResetView => stage.reset_view(subject),
+            CommandId::ViewBack => stage.look_from(ViewSide::Back, subject),
+            CommandId::ViewPalm => stage.look_from(ViewSide::Palm, subject),
+            CommandId::ViewThumbSide => stage.look_from(ViewSide::ThumbSide, subject),
+            CommandId::ViewLittleFingerSide => stage.look_from(ViewSide::LittleFingerSide, subject),
+            CommandId::ViewFingertips => stage.look_from(ViewSide::Fingertips, subject),
+            CommandId::SwitchProjection => stage.switch_projection(),
+            CommandId::SaveView => self.dialogs.ask_for_name(),
+            CommandId::Turntable => stage.set_turning(!stage.is_turning()),
             CommandId::PreviousCamera => self.step_camera(-1),
             CommandId::NextCamera => self.step_camera(1),
             CommandId::Measure => {
-                self.measure = !self.measure;
-                self.clear_times();
+                let is_measured = stage.canvas().is_measured();
+                stage.canvas_mut().set_measured(!is_measured);
             }
-            CommandId::AdaptDetail => self.settings.adaptive = !self.settings.adaptive,
+            CommandId::AdaptDetail => toggle(&mut session.settings_mut().adaptive),
             CommandId::SwitchTheme => {
-                self.settings.theme = self.settings.theme.next();
-                self.toasts.note(format!("Theme: {}", self.settings.theme.name()));
+                let theme = session.settings().theme.next();
+                session.settings_mut().theme = theme;
+                session.note(format!("Theme: {}", theme.name()));
             }
-            CommandId::ShowPanel => self.settings.panel_shown = !self.settings.panel_shown,
+            CommandId::ShowPanel => toggle(&mut session.settings_mut().panel_shown),
             CommandId::ShowLayer(layer) => self.show_layer(layer),
             CommandId::DrawOverlay(overlay) => self.toggle_overlay(overlay),
             CommandId::Compare(comparison) => self.compare(comparison),
             CommandId::CapturePoses => self.switch_capture_poses(),
-            CommandId::ShowPalette => self.palette = Some(CommandPalette::default()),
-            CommandId::ShowHelp => self.help_shown = true,
+            CommandId::ShowPalette => self.dialogs.open_palette(),
+            CommandId::ShowHelp => self.dialogs.open_help(),
         }
     }
 
     /// Whether a command can do anything now.
     fn is_available(&self, id: CommandId) -> bool {
+        let document = &self.document;
+        let hand = document.hand();
         match id {
-            CommandId::Open => self.file_dialog.is_none(),
+            CommandId::Open => !self.dialogs.asks_for_file(),
             // One at a time.
-            CommandId::SavePicture | CommandId::SaveFilm => self.output.is_none() && self.save_dialog.is_none(),
-            CommandId::Undo => matches!(&self.subject, Subject::Hand(hand) if hand.can_undo_and_redo()[0]),
-            CommandId::Redo => matches!(&self.subject, Subject::Hand(hand) if hand.can_undo_and_redo()[1]),
+            CommandId::SavePicture | CommandId::SaveFilm => self.output.is_none() && !self.dialogs.asks_where_to_save(),
+            CommandId::Undo => hand.is_some_and(|hand| hand.can_undo_and_redo()[0]),
+            CommandId::Redo => hand.is_some_and(|hand| hand.can_undo_and_redo()[1]),
             CommandId::CopyPose
             | CommandId::PastePose
             | CommandId::ShowHandles
             | CommandId::ShowThumbnails
+            | CommandId::SetKey
             | CommandId::LivePoses
             | CommandId::ViewBack
             | CommandId::ViewPalm
             | CommandId::ViewThumbSide
             | CommandId::ViewLittleFingerSide
-            | CommandId::ViewFingertips => self.subject.pose().is_some(),
-            CommandId::PreviousCamera | CommandId::NextCamera => self.capture.is_some(),
-            CommandId::ShowLayer(_) => self.avatar().is_some(),
-            CommandId::DrawOverlay(_) => self.subject.pose().is_some(),
-            CommandId::Compare(_) => self.comparable().is_some(),
-            CommandId::CapturePoses => self.capture.as_ref().is_some_and(|capture| capture.poses().has_trained()),
-            CommandId::SetKey => self.subject.pose().is_some(),
-            CommandId::DeleteKey => matches!(&self.subject, Subject::Hand(hand) if hand.has_keys_and_one_here()[1]),
-            CommandId::PreviousKey | CommandId::NextKey => {
-                matches!(&self.subject, Subject::Hand(hand) if hand.has_keys_and_one_here()[0])
-            }
-            CommandId::SaveMotion => self.save_dialog.is_none() && self.has_motion(),
-            CommandId::Play => matches!(&self.subject, Subject::Hand(hand) if hand.timeline.is_some()),
+            | CommandId::ViewFingertips
+            | CommandId::DrawOverlay(_) => hand.is_some(),
+            CommandId::PreviousCamera | CommandId::NextCamera => document.capture().is_some(),
+            CommandId::ShowLayer(_) => document.avatar().is_some(),
+            CommandId::Compare(_) => self.stage.is_comparable(document.capture()),
+            CommandId::CapturePoses => document.capture().is_some_and(|capture| capture.poses().has_trained()),
+            CommandId::DeleteKey => hand.is_some_and(|hand| hand.has_keys_and_one_here()[1]),
+            CommandId::PreviousKey | CommandId::NextKey => hand.is_some_and(|hand| hand.has_keys_and_one_here()[0]),
+            CommandId::SaveMotion => !self.dialogs.asks_where_to_save() && document.has_motion(),
+            CommandId::Play => hand.is_some_and(|hand| hand.timeline.is_some()),
             _ => true,
         }
     }
 
     fn paste(&mut self, text: &str) {
-        let Subject::Hand(hand) = &mut self.subject else { return };
+        let Some(hand) = self.document.hand_mut() else { return };
         match hand.paste(text) {
-            Ok(remarks) => remarks.into_iter().for_each(|remark| self.toasts.note(remark)),
-            Err(error) => self.toasts.error(&error),
+            Ok(remarks) => remarks.into_iter().for_each(|remark| self.session.note(remark)),
+            Err(error) => self.session.error(&error),
         }
     }
 
-    fn edit_hand(&mut self, edit: impl FnOnce(&mut Hand)) {
-        if let Subject::Hand(hand) = &mut self.subject {
-            edit(hand);
+    /// Keeps the pose as a key; says so if another motion had to go for it.
+    fn set_key(&mut self) {
+        if let Some(title) = self.document.set_key() {
+            self.session
+                .note(format!("Key frames have begun, in place of {title}. Move in time, pose the hand, press K."));
         }
+    }
+
+    /// Does what the buttons of the keys ask for.
+    pub(super) fn follow_key_buttons(&mut self, context: &Context) {
+        let command = match self.document.hand_mut().and_then(Hand::take_key_request) {
+            None => return,
+            Some(KeyRequest::Set) => CommandId::SetKey,
+            Some(KeyRequest::Delete) => CommandId::DeleteKey,
+            Some(KeyRequest::Previous) => CommandId::PreviousKey,
+            Some(KeyRequest::Next) => CommandId::NextKey,
+            Some(KeyRequest::Save) => CommandId::SaveMotion,
+        };
+        self.run(command, context);
     }
 
     /// The menus.
@@ -169,7 +181,7 @@ impl Viewer {
         MenuBar::new().ui(ui, |ui| {
             for menu in Menu::ALL {
                 // A scene has neither a pose nor a motion.
-                if menu == Menu::Pose && self.subject.pose().is_none() {
+                if menu == Menu::Pose && self.document.hand().is_none() {
                     continue;
                 }
                 ui.menu_button(menu.title(), |ui| {
@@ -199,48 +211,48 @@ impl Viewer {
 
     /// The state of a command that switches something on and off.
     fn is_on(&self, id: CommandId) -> Option<bool> {
+        let stage = &self.stage;
+        let settings = self.session.settings();
         match id {
-            CommandId::Measure => Some(self.measure),
-            CommandId::AdaptDetail => Some(self.settings.adaptive),
-            CommandId::ShowPanel => Some(self.settings.panel_shown),
-            CommandId::ShowThumbnails => Some(self.settings.thumbnails_shown),
-            CommandId::ShowHandles => Some(self.settings.handles_shown),
-            CommandId::SwitchProjection => Some(self.camera.projection() == Projection::Orthographic),
-            CommandId::Turntable => Some(self.turntable),
-            CommandId::ShowLayer(layer) => Some(self.layer() == layer),
-            CommandId::DrawOverlay(overlay) => Some(self.has_overlay(overlay)),
-            CommandId::Compare(comparison) => Some(self.truth.comparison == comparison),
+            CommandId::Measure => Some(stage.canvas().is_measured()),
+            CommandId::AdaptDetail => Some(settings.adaptive),
+            CommandId::ShowPanel => Some(settings.panel_shown),
+            CommandId::ShowThumbnails => Some(settings.thumbnails_shown),
+            CommandId::ShowHandles => Some(settings.handles_shown),
+            CommandId::SwitchProjection => Some(stage.is_orthographic()),
+            CommandId::Turntable => Some(stage.is_turning()),
+            CommandId::ShowLayer(layer) => Some(stage.layers().layer(self.document.avatar()) == layer),
+            CommandId::DrawOverlay(overlay) => Some(stage.layers().has_overlay(overlay)),
+            CommandId::Compare(comparison) => Some(stage.truth().comparison() == comparison),
             CommandId::CapturePoses => {
-                Some(self.capture.as_ref().is_some_and(|capture| capture.poses().are_of_training()))
+                Some(self.document.capture().is_some_and(|capture| capture.poses().are_of_training()))
             }
-            CommandId::LivePoses => Some(self.live.is_some()),
+            CommandId::LivePoses => Some(self.live.live().is_some()),
             _ => None,
         }
     }
 
-    /// Shows the palette and the help, if they are open.
+    /// Shows the questions and the help that are open, and messages.
     pub(super) fn overlays(&mut self, context: &Context) {
-        if let Some(mut palette) = self.palette.take() {
-            match palette.show(context, &self.palette_entries(context)) {
-                Choice::Open => self.palette = Some(palette),
-                Choice::Closed => {}
-                Choice::Chosen(Action::Run(id)) => self.run(id, context),
-                Choice::Chosen(Action::Pose(name)) => self.edit_hand(|hand| hand.take_pose(name)),
-                Choice::Chosen(Action::Open(path)) => self.open(&path),
-                Choice::Chosen(Action::View(name)) => self.show_view(&name),
-                Choice::Chosen(Action::DeleteView(name)) => self.delete_view(&name),
-                Choice::Chosen(Action::Motion(name)) => self.edit_hand(|hand| hand.play(name)),
+        if self.dialogs.has_palette() {
+            let entries = self.palette_entries(context);
+            match self.dialogs.show_palette(context, &entries) {
+                None => {}
+                Some(Action::Run(id)) => self.run(id, context),
+                Some(Action::Pose(name)) => self.document.edit_hand(|hand| hand.take_pose(name)),
+                Some(Action::Motion(name)) => self.document.edit_hand(|hand| hand.play(name)),
+                Some(Action::Open(path)) => self.open(&path),
+                Some(Action::View(name)) => self.show_view(&name),
+                Some(Action::DeleteView(name)) => self.session.delete_view(&name),
             }
         }
-        self.name_view(context);
-        self.show_output(context);
-        self.help_shown = self.help_shown && help_overlay(context);
-        self.toasts.show(context);
-        self.files.show(context);
-        if self.files.is_busy() {
-            // A file that was opened after the others were looked at is read in the next frame.
-            context.request_repaint();
+        if let Some(name) = self.dialogs.show_name(context) {
+            self.save_view(&name);
         }
+        self.show_output(context);
+        self.dialogs.show_help(context);
+        self.session.show_messages(context);
+        self.document.show_reading(context);
     }
 
     fn palette_entries(&self, context: &Context) -> Vec<Entry<Action>> {
@@ -255,7 +267,7 @@ impl Viewer {
                 action: Action::Run(command.id),
             })
             .collect();
-        if self.subject.pose().is_some() {
+        if self.document.hand().is_some() {
             let entry = |kind: &str, name: &str, summary: &str, action| Entry {
                 title: format!("{kind}: {name}"),
                 remark: String::new(),
@@ -267,7 +279,7 @@ impl Viewer {
                 MOTION_NAMES.iter().map(|name| entry("Motion", name, "Plays this motion.", Action::Motion(name)));
             entries.extend(poses.chain(motions));
         }
-        for SavedView { name, .. } in &self.settings.views {
+        for SavedView { name, .. } in &self.session.settings().views {
             let entry = |title: String, summary: &str, action| Entry {
                 title,
                 remark: String::new(),
@@ -278,7 +290,7 @@ impl Viewer {
             let delete = Action::DeleteView(name.clone());
             entries.push(entry(format!("Delete view: {name}"), "Deletes this saved view.", delete));
         }
-        entries.extend(self.settings.recent.iter().map(|path| Entry {
+        entries.extend(self.session.settings().recent.iter().map(|path| Entry {
             title: format!("Open: {}", file_name(path)),
             remark: String::new(),
             summary: path.display().to_string(),
@@ -286,4 +298,8 @@ impl Viewer {
         }));
         entries
     }
+}
+
+fn toggle(on: &mut bool) {
+    *on = !*on;
 }

@@ -1,68 +1,50 @@
-//! Saves pictures and films of the view, beside the user interface.
+//! Saves motions, pictures and films to the files that the user chooses.
 
-use std::f64::consts::TAU;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use egui::{Align2, Area, Context, Frame, Id, Order, ProgressBar};
-use ghand_motion::pose_sequence::DEFAULT_FPS;
-use ghand_pictures::{Background, LONGEST_TURN_SECONDS};
+use anyhow::anyhow;
+use egui::Context;
 
 use crate::viewer::app::Viewer;
-use crate::viewer::app::saving::Saving;
-use crate::viewer::drawing::GaussianColors;
-use crate::viewer::file_dialog::FileDialog;
-use crate::viewer::file_reader::file_name;
-use crate::viewer::live::Live;
+use crate::viewer::dialogs::Saving;
+use crate::viewer::dialogs::file_dialog::{Answer, NO_DIALOG};
+use crate::viewer::dialogs::output_dialog::{OutputDialog, OutputKind};
+use crate::viewer::document::file_reader::file_name;
 use crate::viewer::output::{OutputJob, OutputPlan};
-use crate::viewer::output_dialog::{Asked, OutputDialog, OutputKind};
-use crate::viewer::picture::{PictureInputs, Progress};
-use crate::viewer::subject::Subject;
-use crate::viewer::subject_copy::SubjectCopy;
-use crate::viewer::training_run::TrainingRun;
 
 /// Size of pictures and films that are offered if there is no picture yet, pixels.
 const SIZE: [u32; 2] = [1280, 800];
-/// Endings of the files of subjects.
-const FILE_ENDINGS: [&str; 8] = ["ghand", "ply", "spz", "splat", "glb", "gltf", "pkl", "npz"];
 
 impl Viewer {
     /// Asks what to save of the view.
     pub(super) fn ask_for_output(&mut self, kind: OutputKind) {
-        let size = self.picture.texture().map_or(SIZE, |texture| [texture.width(), texture.height()]);
-        self.output_dialog = Some(OutputDialog::new(kind, size));
+        self.dialogs.ask_for_output(kind, self.stage.canvas().texture_size().unwrap_or(SIZE));
     }
 
-    /// Whether there is a motion to save: one key alone is a pose.
-    pub(super) fn has_motion(&self) -> bool {
-        let Subject::Hand(hand) = &self.subject else { return false };
-        hand.timeline.as_ref().is_some_and(|timeline| timeline.end() > 0.0)
-    }
-
-    /// Shows the question what to save, and the progress of what is being saved.
-    pub(super) fn show_output(&mut self, context: &Context) {
-        let has_motion = self.has_motion();
-        if let Some(mut dialog) = self.output_dialog.take() {
-            match dialog.show(context, has_motion) {
-                Asked::Open => self.output_dialog = Some(dialog),
-                Asked::Closed => {}
-                Asked::Save => {
-                    let chooser = match dialog.ending() {
-                        None => FileDialog::folder(context),
-                        Some(ending) => {
-                            let name = format!("{}.{ending}", without_ending(&self.subject.name()));
-                            FileDialog::save(context, &name, "Pictures and films", &[ending])
-                        }
-                    };
-                    self.save_dialog = Some((chooser, Saving::Output(dialog)));
-                }
+    /// Saves to the file that was chosen.
+    pub(super) fn save_chosen(&mut self, context: &Context) {
+        let Some((answer, what)) = self.dialogs.file_to_save() else { return };
+        let path = match answer {
+            Answer::Chosen(path) => path,
+            Answer::Closed => {
+                self.session.note("No file was chosen; nothing is saved.");
+                return;
             }
-        }
-        self.show_progress(context);
-        let Some(result) = self.output.as_ref().and_then(OutputJob::poll) else { return };
-        self.output = None;
-        match result {
-            Ok(text) => self.toasts.note(format!("Saved {text}.")),
-            Err(error) => self.toasts.error(&error),
+            Answer::Missing => {
+                self.session.error(&anyhow!("nothing is saved: {NO_DIALOG}"));
+                return;
+            }
+        };
+        let saved = match what {
+            Saving::Motion => {
+                self.document.save_motion(&path).map(|()| Some(format!("{} is saved.", file_name(&path))))
+            }
+            // It says so when it is done.
+            Saving::Output(asked) => self.save_output(&asked, &path, context).map(|()| None),
+        };
+        match saved {
+            Ok(note) => note.into_iter().for_each(|note| self.session.note(note)),
+            Err(error) => self.session.error(&error),
         }
     }
 
@@ -72,112 +54,22 @@ impl Viewer {
     /// # Errors
     /// One sentence if that is impossible.
     pub fn save_output(&mut self, asked: &OutputDialog, path: &Path, context: &Context) -> anyhow::Result<()> {
-        let mut path = path.as_os_str().to_owned();
-        match asked.ending() {
-            // A name with a dot is a folder's, too.
-            None => path.push(std::path::MAIN_SEPARATOR_STR),
-            Some(ending) if !asked.fits(Path::new(&path)) => path.push(format!(".{ending}")),
-            Some(_) => {}
-        }
-        let path = PathBuf::from(path);
-        let plan = self.output_plan(asked);
-        self.output = Some(OutputJob::start(&self.gpu, plan, &path, context)?);
+        let plan = OutputPlan::new(asked, &self.document, &self.stage);
+        self.output = Some(OutputJob::start(self.gpu(), plan, &asked.completed(path), context)?);
         Ok(())
     }
 
-    fn output_plan(&self, asked: &OutputDialog) -> OutputPlan {
-        let [r, g, b] = self.shown.as_ref().map_or([0.0; 3], |shown| shown.background);
-        let background = if asked.transparent { Background::Transparent } else { Background::Color([r, g, b]) };
-        let inputs = |camera| PictureInputs {
-            pose: self.subject.pose().cloned(),
-            shape: self.subject.shape().to_vec(),
-            light: self.subject.light().cloned(),
-            camera,
-            background: background.color(),
-        };
-        let (size, camera) = (asked.size, &self.camera);
-        let mut fps = DEFAULT_FPS;
-        let pictures = match asked.kind {
-            OutputKind::Picture => vec![inputs(camera.camera(size))],
-            OutputKind::Turntable => {
-                let count = (LONGEST_TURN_SECONDS * DEFAULT_FPS) as usize;
-                let at = |k: usize| {
-                    let mut turned = camera.clone();
-                    turned.turn(k as f64 / count as f64 * TAU);
-                    inputs(turned.camera(size))
-                };
-                (0..count).map(at).collect()
-            }
-            OutputKind::Motion => {
-                let Subject::Hand(hand) = &self.subject else { return self.empty_plan(background) };
-                let Some((sequence, [from, to])) = hand.motion() else { return self.empty_plan(background) };
-                fps = sequence.fps;
-                let frames = (from * fps).round() as usize..=(to * fps).round() as usize;
-                let view = camera.camera(size);
-                let at = |k: usize| {
-                    let frame = sequence.frames.get(k)?;
-                    Some(PictureInputs { pose: Some(frame.pose.clone()), ..inputs(view.clone()) })
-                };
-                frames.filter_map(at).collect()
-            }
-        };
-        let colors = match (self.picture.colors(), asked.kind) {
-            // The colours of numbers are those of this pose.
-            (GaussianColors::Given(_), OutputKind::Motion) => GaussianColors::Own,
-            (colors, _) => colors.clone(),
-        };
-        OutputPlan { subject: SubjectCopy::new(&self.subject), pictures, colors, background, fps }
-    }
-
-    fn empty_plan(&self, background: Background) -> OutputPlan {
-        let subject = SubjectCopy::new(&self.subject);
-        OutputPlan { subject, pictures: Vec::new(), colors: GaussianColors::Own, background, fps: DEFAULT_FPS }
-    }
-
-    /// Has pictures of the named poses made while nothing moves.
-    pub(super) fn follow_thumbnails(&mut self, context: &Context, progress: Progress) {
-        let is_shown = self.settings.thumbnails_shown && self.settings.panel_shown;
-        let is_busy = progress == Progress::Busy
-            || self.shown.is_none()
-            || self.turntable
-            || self.measure
-            || self.live.as_ref().is_some_and(Live::is_receiving)
-            || self.run.as_ref().is_some_and(TrainingRun::is_going_on)
-            || context.input(|input| input.pointer.any_down());
-        if let Subject::Hand(hand) = &mut self.subject {
-            let is_busy = is_busy || hand.is_playing();
-            hand.follow_thumbnails(&self.gpu, is_shown, is_busy, context);
+    /// Shows the question what to save, and the progress of what is being saved.
+    pub(super) fn show_output(&mut self, context: &Context) {
+        self.dialogs.show_output(context, &self.document);
+        if let Some(job) = self.output.take_if(|job| job.show_progress(context)) {
+            self.session.note(format!("{} is not saved.", file_name(job.path())));
         }
-    }
-
-    fn show_progress(&mut self, context: &Context) {
-        let Some(job) = &self.output else { return };
-        let (made, count) = job.progress();
-        let name = file_name(job.path());
-        let mut stopped = false;
-        let area = Area::new(Id::unique("output progress")).order(Order::Foreground);
-        area.anchor(Align2::CENTER_BOTTOM, [0.0, -14.0]).show(context, |ui| {
-            Frame::popup(ui.style()).inner_margin(10.0).show(ui, |ui| {
-                ui.set_max_width(360.0f32.min(context.content_rect().width() - 40.0));
-                ui.horizontal(|ui| {
-                    ui.label(format!("Saving {name}"));
-                    let part = made as f32 / count.max(1) as f32;
-                    ui.add(ProgressBar::new(part).desired_width(110.0).text(format!("{made} of {count}")));
-                    stopped = ui.button("Stop").clicked();
-                });
-            });
-        });
-        if stopped {
-            self.output = None;
-            self.toasts.note(format!("{name} is not saved."));
+        let Some(result) = self.output.as_ref().and_then(OutputJob::poll) else { return };
+        self.output = None;
+        match result {
+            Ok(text) => self.session.note(format!("Saved {text}.")),
+            Err(error) => self.session.error(&error),
         }
-    }
-}
-
-/// A subject's name without the ending of its file.
-fn without_ending(name: &str) -> &str {
-    match name.rsplit_once('.') {
-        Some((rest, ending)) if FILE_ENDINGS.iter().any(|known| known.eq_ignore_ascii_case(ending)) => rest,
-        _ => name,
     }
 }

@@ -1,9 +1,6 @@
 //! Recovery of the viewer from a lost device: subject, pose and view stay, everything else is created again.
 
 use crate::viewer::app::Viewer;
-use crate::viewer::picture::Median;
-use crate::viewer::subject::Subject;
-use crate::viewer::training_run::TrainingRun;
 
 /// How many times in a row the device may be lost before a picture is done.
 const MOST_LOSSES: u32 = 3;
@@ -11,7 +8,7 @@ const MOST_LOSSES: u32 = 3;
 impl Viewer {
     /// Whether the device is lost. A lost device cannot draw anything.
     pub fn is_lost(&self) -> bool {
-        self.gpu.poll().is_err() && self.gpu.is_lost()
+        self.gpu().poll().is_err() && self.gpu().is_lost()
     }
 
     /// Runs `show`, which shows the viewer. If the device is lost meanwhile, runs it again with a new one; `show` must
@@ -30,7 +27,7 @@ impl Viewer {
             if result.is_ok() || !self.is_lost() {
                 return result;
             }
-            losses = if self.picture.frame_ms().is_some() { 1 } else { losses + 1 };
+            losses = if self.stage.canvas().has_times() { 1 } else { losses + 1 };
             if losses > MOST_LOSSES {
                 return result;
             }
@@ -40,18 +37,8 @@ impl Viewer {
     }
 
     fn renew(&mut self) -> anyhow::Result<()> {
-        self.gpu = self.gpu.reopen()?;
-        self.upload()?;
-        self.detail = 1.0;
-        self.too_many = u32::MAX;
-        self.texture = None;
-        if let Subject::Hand(hand) = &mut self.subject {
-            hand.forget_thumbnails();
-        }
-        self.run.iter_mut().for_each(TrainingRun::forget_pictures);
-        self.failure = None;
-        self.last_frame = None;
-        self.between_frames_ms = Median::default();
+        self.stage.renew(self.document.subject())?;
+        self.document.forget_pictures();
         Ok(())
     }
 }
@@ -63,10 +50,10 @@ mod tests {
 
     use super::*;
     use crate::pose_choice::pose_by_name;
+    use crate::viewer::document::subject::Subject;
     use crate::viewer::hand::Hand;
     use crate::viewer::hand::tests::untrained_avatar;
     use crate::viewer::screenshot::screenshot;
-    use crate::viewer::subject::Subject;
 
     fn viewer() -> Viewer {
         let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
@@ -86,16 +73,16 @@ mod tests {
     #[test]
     fn a_viewer_shows_the_same_picture_after_a_device_loss() {
         let mut viewer = viewer();
-        viewer.camera.zoom(1.5);
+        viewer.stage.camera_mut().zoom(1.5);
         let before = shot(&mut viewer);
-        let lost = viewer.gpu.clone();
+        let lost = viewer.gpu().clone();
         lost.device.destroy();
         assert!(viewer.is_lost() && lost.is_lost());
         let after = shot(&mut viewer);
         assert!(lost.is_lost() && !viewer.is_lost());
         assert!(before == after);
         let mut other = self::viewer();
-        other.subject.reset();
+        other.subject_mut().reset();
         assert!(shot(&mut other) != before, "the pictures are not compared");
     }
 
@@ -106,8 +93,8 @@ mod tests {
         let error = viewer
             .retry_on_device_loss(|viewer| -> anyhow::Result<()> {
                 tries += 1;
-                viewer.gpu.device.destroy();
-                Ok(viewer.gpu.wait()?)
+                viewer.gpu().device.destroy();
+                Ok(viewer.gpu().wait()?)
             })
             .unwrap_err();
         assert_eq!(tries, 1 + MOST_LOSSES);

@@ -26,12 +26,14 @@ use ghand_render::AdapterChoice;
 use ghand_test_support::procedural_hand::ProceduralHand;
 use glam::DVec2;
 
-use super::controls::thousands;
 use super::*;
 use crate::pose_choice::pose_by_name;
+use crate::viewer::document::scene::tests::scene;
 use crate::viewer::hand::Hand;
 use crate::viewer::hand::tests::untrained_avatar;
-use crate::viewer::scene::tests::scene;
+use crate::viewer::rendering::camera::OrbitCamera;
+use crate::viewer::stage::canvas::Canvas;
+use crate::viewer::stage::resolution::DETAIL_STEP;
 
 /// Size of the user interface, points.
 const SIZE: Vec2 = vec2(700.0, 400.0);
@@ -69,8 +71,16 @@ impl Headless {
         &mut self.harness.state_mut().viewer
     }
 
+    fn canvas(&mut self) -> &mut Canvas {
+        self.viewer().stage.canvas_mut()
+    }
+
+    fn camera(&mut self) -> &mut OrbitCamera {
+        self.viewer().stage.camera_mut()
+    }
+
     fn hand(&mut self) -> &mut Hand {
-        match &mut self.viewer().subject {
+        match self.viewer().subject_mut() {
             Subject::Hand(hand) => hand,
             Subject::Scene { .. } => panic!("a scene"),
         }
@@ -78,12 +88,12 @@ impl Headless {
 
     /// Draws one frame with all these events, waits for its picture, and returns whether there was one.
     fn frame(&mut self, events: Vec<Event>) -> bool {
-        let before = self.viewer().last_frame;
+        let before = self.canvas().last_frame();
         self.harness.input_mut().events.extend(events);
         self.harness.step();
         self.viewer().wait_for_files();
-        self.viewer().gpu.wait().unwrap();
-        before != self.viewer().last_frame
+        self.viewer().gpu().wait().unwrap();
+        before != self.canvas().last_frame()
     }
 
     /// Opens a file and waits until it has been read.
@@ -125,16 +135,16 @@ fn only_changes_are_rendered() {
     assert!(ui.frame(Vec::new()));
     ui.frame(Vec::new());
     assert!(!ui.frame(Vec::new()));
-    ui.viewer().measure = true;
+    ui.canvas().set_measured(true);
     assert!(ui.frame(Vec::new()) && ui.frame(Vec::new()));
-    assert!(ui.viewer().picture.frame_ms().is_some_and(|ms| ms > 0.0));
+    assert!(ui.canvas().picture().frame_ms().is_some_and(|ms| ms > 0.0));
 }
 
 #[test]
 fn a_picture_with_too_little_memory_is_rendered_again() {
     let mut ui = Headless::untrained_avatar();
     ui.frame(Vec::new());
-    ui.viewer().camera.zoom(4.0);
+    ui.camera().zoom(4.0);
     assert!(ui.frame(Vec::new()));
     assert!(!ui.viewer().finish().unwrap(), "the picture had enough memory; zoom in further");
     assert!(ui.frame(Vec::new()));
@@ -155,15 +165,16 @@ fn a_close_up_beyond_the_device_gets_coarser_and_recovers() {
         panic!("the picture does not settle");
     };
     settle(&mut ui);
-    assert_eq!(ui.viewer().detail, 1.0);
+    assert_eq!(ui.canvas().resolution_mut().detail(), 1.0);
     // Like a device that cannot hold more than the picture needs now.
-    ui.viewer().too_many = ui.viewer().picture.intersections();
-    ui.viewer().detail = DETAIL_STEP.powi(2);
+    let intersections = ui.canvas().picture().intersections();
+    ui.canvas().resolution_mut().limit(DETAIL_STEP.powi(2), intersections);
     settle(&mut ui);
-    assert_eq!(ui.viewer().detail, DETAIL_STEP.powi(2), "it must not go back and forth");
-    ui.viewer().camera.zoom(0.25);
+    assert_eq!(ui.canvas().resolution_mut().detail(), DETAIL_STEP.powi(2), "it must not go back and forth");
+    ui.camera().zoom(0.25);
     settle(&mut ui);
-    assert_eq!((ui.viewer().detail, ui.viewer().failure.is_none()), (1.0, true));
+    assert_eq!(ui.canvas().resolution_mut().detail(), 1.0);
+    assert!(ui.canvas().failure().is_none());
 }
 
 #[test]
@@ -203,14 +214,9 @@ fn a_scene_has_figures_and_a_view_but_no_pose() {
     for name in ["Pose", "Motion", "Joints", "fist", "count"] {
         assert!(ui.harness.query_by_label(name).is_none(), "{name}");
     }
-    let first = ui.viewer().camera.clone();
-    ui.viewer().camera.orbit(DVec2::new(40.0, 0.0));
+    let first = ui.camera().clone();
+    ui.camera().orbit(DVec2::new(40.0, 0.0));
     assert!(ui.frame(Vec::new()), "the scene turns");
     ui.click("Reset all");
-    assert_eq!(ui.viewer().camera, first);
-}
-
-#[test]
-fn large_numbers_are_grouped() {
-    assert_eq!([0, 999, 1000, 22010, 1234567].map(thousands), ["0", "999", "1,000", "22,010", "1,234,567"]);
+    assert_eq!(*ui.camera(), first);
 }

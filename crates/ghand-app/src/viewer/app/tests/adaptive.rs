@@ -3,7 +3,7 @@
 use super::*;
 
 fn edge(ui: &mut Headless) -> u32 {
-    ui.viewer().picture.texture().unwrap().width()
+    ui.canvas().picture().texture().unwrap().width()
 }
 
 #[test]
@@ -11,23 +11,24 @@ fn a_slow_device_draws_fewer_pixels_in_motion_says_so_and_refines_at_rest() {
     let mut ui = Headless::new(Subject::Hand(Box::new(small_hand())), SIZE, 0.05);
     (0..3).for_each(|_| _ = ui.frame(Vec::new()));
     let whole = edge(&mut ui);
-    ui.viewer().turntable = true;
+    ui.viewer().stage.set_turning(true);
     for _ in 0..20 {
         ui.frame(Vec::new());
         // Like a device that needs 200 ms for each picture.
-        let scale = ui.viewer().drawn_scale;
-        ui.viewer().adaptive.took(scale, 200.0);
+        ui.canvas().resolution_mut().took(200.0);
     }
     assert!(edge(&mut ui) < whole / 2, "{} of {whole}", edge(&mut ui));
-    ui.viewer().turntable = false;
+    ui.viewer().stage.set_turning(false);
     // It rests, but the last picture may still be on its way.
     (0..30).for_each(|_| _ = ui.frame(Vec::new()));
     assert_eq!(edge(&mut ui), whole);
     // Measured pictures are whole.
-    (ui.viewer().turntable, ui.viewer().measure) = (true, true);
+    ui.viewer().stage.set_turning(true);
+    ui.canvas().set_measured(true);
     (0..5).for_each(|_| _ = ui.frame(Vec::new()));
     assert_eq!(edge(&mut ui), whole);
-    (ui.viewer().measure, ui.viewer().settings.adaptive) = (false, false);
+    ui.canvas().set_measured(false);
+    ui.viewer().settings_mut().adaptive = false;
     (0..5).for_each(|_| _ = ui.frame(Vec::new()));
     assert_eq!(edge(&mut ui), whole);
 }
@@ -35,11 +36,11 @@ fn a_slow_device_draws_fewer_pixels_in_motion_says_so_and_refines_at_rest() {
 #[test]
 fn measuring_shows_the_times_of_the_stages() {
     let mut ui = Headless::new(Subject::Hand(Box::new(small_hand())), vec2(700.0, 600.0), 0.1);
-    ui.viewer().measure = true;
+    ui.canvas().set_measured(true);
     (0..5).for_each(|_| _ = ui.frame(Vec::new()));
     assert!(ui.harness.query_by_label_contains("Times of the last").is_some());
-    if ui.viewer().gpu.device.features().contains(wgpu::Features::TIMESTAMP_QUERY) {
-        for stage in crate::viewer::frame_times::STAGES {
+    if ui.viewer().gpu().device.features().contains(wgpu::Features::TIMESTAMP_QUERY) {
+        for stage in crate::viewer::rendering::frame::STAGES {
             assert!(ui.harness.query_by_label_contains(&format!("{stage} ")).is_some(), "{stage}");
         }
     }

@@ -4,7 +4,7 @@ use egui::accesskit::Role;
 use egui::{Key, Modifiers};
 
 use super::*;
-use crate::viewer::preset::Preset;
+use crate::viewer::rendering::view_side::ViewSide;
 
 fn viewer() -> Headless {
     let mut ui = Headless::new(Subject::Hand(Box::new(small_hand())), vec2(SIZE.x, 460.0), 0.1);
@@ -24,24 +24,24 @@ impl Headless {
 #[test]
 fn a_menu_runs_commands() {
     let mut ui = viewer();
-    let mut palm = ui.viewer().camera.clone();
+    let mut palm = ui.camera().clone();
     let pose = ui.hand().pose.clone();
-    palm.look_from(Preset::Palm, ui.hand().model(), &pose);
+    palm.look_from(ViewSide::Palm, ui.hand().model(), &pose);
     palm.frame(&ui.hand().posed_vertices());
     ui.harness.get_by_role_and_label(Role::Button, "View").click();
     (0..2).for_each(|_| ui.harness.step());
     ui.harness.get_by_label_contains("From the palm").click();
     (0..2).for_each(|_| ui.harness.step());
-    assert_eq!(ui.viewer().camera, palm);
+    assert_eq!(*ui.camera(), palm);
 }
 
 #[test]
 fn keys_run_commands_but_not_while_text_is_typed() {
     let mut ui = viewer();
     ui.press(Modifiers::NONE, Key::N);
-    assert!(!ui.viewer().settings.panel_shown);
+    assert!(!ui.viewer().settings_mut().panel_shown);
     ui.press(Modifiers::NONE, Key::N);
-    assert!(ui.viewer().settings.panel_shown);
+    assert!(ui.viewer().settings_mut().panel_shown);
     ui.click("grasp");
     let plays = |ui: &mut Headless| ui.hand().timeline.as_ref().unwrap().state().1;
     assert!(plays(&mut ui));
@@ -49,24 +49,24 @@ fn keys_run_commands_but_not_while_text_is_typed() {
     assert!(!plays(&mut ui));
     ui.press(Modifiers::COMMAND, Key::K);
     ui.press(Modifiers::NONE, Key::N);
-    assert!(ui.viewer().settings.panel_shown && ui.viewer().palette.is_some());
+    assert!(ui.viewer().settings_mut().panel_shown && ui.viewer().dialogs.has_palette());
 }
 
 #[test]
 fn the_palette_finds_poses_and_commands() {
     let mut ui = viewer();
     for key in [Key::K, Key::P] {
-        ui.viewer().subject.reset();
+        ui.viewer().subject_mut().reset();
         ui.press(Modifiers::COMMAND, key);
         ui.frame(vec![Event::Text("fist".into())]);
         ui.press(Modifiers::NONE, Key::Enter);
         let fist = pose_by_name("fist", ui.hand().model()).unwrap();
         assert_eq!(ui.hand().pose, fist);
-        assert!(ui.viewer().palette.is_none());
+        assert!(!ui.viewer().dialogs.has_palette());
     }
     ui.press(Modifiers::COMMAND, Key::K);
     ui.press(Modifiers::NONE, Key::Escape);
-    assert!(ui.viewer().palette.is_none());
+    assert!(!ui.viewer().dialogs.has_palette());
 }
 
 #[test]
@@ -78,6 +78,6 @@ fn the_help_lists_every_command() {
             assert!(ui.harness.query_all_by_label(command.title).next().is_some(), "{}", command.title);
         }
         ui.press(Modifiers::NONE, Key::F1);
-        assert!(!ui.viewer().help_shown);
+        assert!(!ui.viewer().dialogs.has_help());
     }
 }

@@ -4,7 +4,6 @@ use std::path::{Path, PathBuf};
 
 use super::*;
 use crate::viewer::hand::tests::untrained_avatar;
-use crate::viewer::watched_file::WatchedFile;
 
 fn viewer() -> Headless {
     let mut ui = Headless::new(Subject::Hand(Box::new(small_hand())), SIZE, 0.6);
@@ -36,11 +35,11 @@ fn files_of_any_kind_are_opened() {
     ui.hand().pose.clone_from(&fist);
     let poses = folder.path().join("fist.json");
     std::fs::write(&poses, ui.hand().pose_json()).unwrap();
-    ui.viewer().subject.reset();
+    ui.viewer().subject_mut().reset();
     ui.open(&poses);
     let off = |(a, b): (&glam::DVec3, &glam::DVec3)| a.distance(*b);
     assert!(ui.hand().pose.rotations.iter().zip(&fist.rotations).map(off).all(|off| off < 1e-12));
-    let recent = ui.viewer().settings.recent.clone();
+    let recent = ui.viewer().settings_mut().recent.clone();
     assert_eq!(recent, [poses, avatar]);
 }
 
@@ -50,7 +49,7 @@ fn files_are_read_beside_the_user_interface_and_shown_in_their_order() {
     let [avatar, poses] = ["a.ghand", "fist.json"].map(|name| folder.path().join(name));
     save(&avatar, "anna");
     let mut ui = viewer();
-    let before = ui.viewer().subject.name();
+    let before = ui.viewer().subject_mut().name();
     // The poses are for the skeleton of the avatar that is opened before them.
     let mut hand = Hand::new(Avatar::load(&avatar).unwrap());
     let fist = pose_by_name("fist", hand.model()).unwrap();
@@ -59,17 +58,17 @@ fn files_are_read_beside_the_user_interface_and_shown_in_their_order() {
     ui.viewer().open(&avatar);
     ui.viewer().open(&poses);
     ui.harness.step();
-    assert!(ui.viewer().files.is_busy());
-    assert_eq!(ui.viewer().subject.name(), before);
+    assert!(ui.viewer().document.is_reading());
+    assert_eq!(ui.viewer().subject_mut().name(), before);
     let start = Instant::now();
-    while ui.viewer().files.is_busy() {
+    while ui.viewer().document.is_reading() {
         ui.harness.step();
         assert!(start.elapsed().as_secs() < 60, "the files are not read");
     }
-    assert_eq!(ui.viewer().subject.name(), "anna");
+    assert_eq!(ui.viewer().subject_mut().name(), "anna");
     let off = |(a, b): (&glam::DVec3, &glam::DVec3)| a.distance(*b);
     assert!(ui.hand().pose.rotations.iter().zip(&fist.rotations).map(off).all(|off| off < 1e-12));
-    assert_eq!(ui.viewer().settings.recent, [poses, avatar]);
+    assert_eq!(ui.viewer().settings_mut().recent, [poses, avatar]);
 }
 
 #[test]
@@ -91,7 +90,7 @@ fn a_file_that_cannot_be_opened_changes_nothing_but_says_why() {
         folder.path().to_owned(),
     ];
     let mut ui = viewer();
-    let before = ui.viewer().subject.name();
+    let before = ui.viewer().subject_mut().name();
     for path in bad {
         ui.open(&path);
         ui.frame(Vec::new());
@@ -99,11 +98,11 @@ fn a_file_that_cannot_be_opened_changes_nothing_but_says_why() {
         let name = path.file_name().unwrap().to_string_lossy().into_owned();
         assert!(messages(&ui, &name) > 0, "nothing is said about {name}");
         assert!(name != "notes.txt" || messages(&ui, "neither an avatar") > 0);
-        assert_eq!(ui.viewer().subject.name(), before);
-        assert!(ui.viewer().settings.recent.is_empty());
-        ui.viewer().toasts = Toasts::default();
+        assert_eq!(ui.viewer().subject_mut().name(), before);
+        assert!(ui.viewer().settings_mut().recent.is_empty());
+        ui.viewer().session.forget_messages();
     }
-    assert!(ui.viewer().failure.is_none());
+    assert!(ui.canvas().failure().is_none());
 }
 
 #[test]
@@ -114,23 +113,23 @@ fn a_file_that_changes_is_read_again_and_pose_and_view_stay() {
     let mut ui = viewer();
     ui.open(&path);
     ui.click("fist");
-    ui.viewer().camera.orbit(DVec2::new(50.0, 10.0));
-    let (camera, pose) = (ui.viewer().camera.clone(), ui.hand().pose.clone());
+    ui.camera().orbit(DVec2::new(50.0, 10.0));
+    let (camera, pose) = (ui.camera().clone(), ui.hand().pose.clone());
     let settle = |ui: &mut Headless| (0..6).for_each(|_| _ = ui.frame(Vec::new()));
     settle(&mut ui);
     save(&path, "a longer name");
     settle(&mut ui);
-    assert_eq!(ui.viewer().subject.name(), "a longer name");
-    assert_eq!((&ui.viewer().camera.clone(), &ui.hand().pose), (&camera, &pose));
+    assert_eq!(ui.viewer().subject_mut().name(), "a longer name");
+    assert_eq!((&ui.camera().clone(), &ui.hand().pose), (&camera, &pose));
     // A broken file is told once, and the hand stays.
     std::fs::write(&path, "broken").unwrap();
     settle(&mut ui);
     assert_eq!(messages(&ui, "a.ghand: "), 1);
-    assert_eq!(ui.viewer().subject.name(), "a longer name");
+    assert_eq!(ui.viewer().subject_mut().name(), "a longer name");
     save(&path, "mended");
     settle(&mut ui);
-    assert_eq!(ui.viewer().subject.name(), "mended");
-    assert!(ui.viewer().watched.as_ref().map(WatchedFile::path) == Some(&path));
+    assert_eq!(ui.viewer().subject_mut().name(), "mended");
+    assert!(ui.viewer().document.watched() == Some(path.as_path()));
 }
 
 /// A file that is dropped onto the window.
@@ -160,8 +159,8 @@ fn dropped_files_are_opened() {
     ui.harness.input_mut().dropped_files = vec![std::sync::Arc::new(Dropped(path.clone()))];
     ui.frame(Vec::new());
     ui.frame(Vec::new());
-    assert_eq!(ui.viewer().subject.name(), "anna");
-    assert_eq!(ui.viewer().settings.recent, [path]);
+    assert_eq!(ui.viewer().subject_mut().name(), "anna");
+    assert_eq!(ui.viewer().settings_mut().recent, [path]);
 }
 
 #[test]
@@ -174,7 +173,7 @@ fn a_run_is_followed_from_its_first_avatar_to_its_result() {
     ui.open(run);
     let settle = |ui: &mut Headless| (0..8).for_each(|_| _ = ui.frame(Vec::new()));
     settle(&mut ui);
-    assert_eq!(ui.viewer().subject.name(), "beginning");
+    assert_eq!(ui.viewer().subject_mut().name(), "beginning");
     assert_eq!(messages(&ui, "There are no figures yet."), 1);
     let table = "iteration,stage,seconds,l1,held_out_psnr\n25,2,3.0,0.5,\n50,2,7.5,0.25,21.5\n";
     std::fs::write(checkpoints.join("curves.csv"), table).unwrap();
@@ -182,7 +181,7 @@ fn a_run_is_followed_from_its_first_avatar_to_its_result() {
     let pose = ui.hand().pose.clone();
     save(&checkpoints.join("preview.ghand"), "in the middle");
     settle(&mut ui);
-    assert_eq!(ui.viewer().subject.name(), "in the middle");
+    assert_eq!(ui.viewer().subject_mut().name(), "in the middle");
     assert_eq!(ui.hand().pose, pose);
     assert_eq!(messages(&ui, "goes on: iteration 50, stage 2, 8 s"), 1);
     assert_eq!(messages(&ui, "Loss (L1): 0.2500 after 50 iterations"), 1);
@@ -194,7 +193,7 @@ fn a_run_is_followed_from_its_first_avatar_to_its_result() {
     std::fs::write(run.join("curves.csv"), table).unwrap();
     std::fs::write(run.join("metrics.json"), "{}").unwrap();
     settle(&mut ui);
-    assert_eq!(ui.viewer().subject.name(), "trained");
+    assert_eq!(ui.viewer().subject_mut().name(), "trained");
     assert_eq!(ui.hand().pose, pose);
     assert_eq!(messages(&ui, "has ended: iteration 50"), 1);
     // Another file has no run.

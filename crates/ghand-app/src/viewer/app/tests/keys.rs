@@ -93,7 +93,7 @@ fn a_motion_of_keys_is_saved_as_poses_that_are_read_again() {
     ui.make_keys();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("motion.json");
-    ui.viewer().save_motion(&path).unwrap();
+    ui.viewer().document.save_motion(&path).unwrap();
     let model = small_hand().model().clone();
     let read = read_poses(&path, &model, &PoseOptions::default()).unwrap();
     assert_eq!((read.frames.len(), read.duration()), (61, 2.0));
@@ -118,7 +118,7 @@ fn a_motion_of_keys_is_saved_as_poses_that_are_read_again() {
     again.enter(POSITION, "1");
     again.press(Modifiers::NONE, Key::Delete);
     assert_eq!(again.key_times(), [0.0, 2.0]);
-    let error = viewer().viewer().save_motion(&path).unwrap_err().to_string();
+    let error = viewer().viewer().document.save_motion(&path).unwrap_err().to_string();
     assert!(error.contains("no motion"), "{error}");
 }
 

@@ -8,8 +8,8 @@ use ghand_render::viridis::viridis;
 use glam::DVec3;
 
 use super::*;
-use crate::viewer::layer::Layer;
-use crate::viewer::picture::tests::pixels;
+use crate::viewer::rendering::picture::tests::pixels;
+use crate::viewer::stage::layer::Layer;
 use ghand_pictures::color_scale::diverging;
 
 const SKIN: [f64; 3] = [0.8, 0.6, 0.5];
@@ -62,15 +62,16 @@ impl Shown {
         let name = avatar.model.joint_names[joint].clone();
         let mut ui = Headless::new(Subject::avatar(avatar), SIZE, 1.0);
         ui.frame(Vec::new());
-        ui.viewer().camera.zoom(zoom);
+        ui.camera().zoom(zoom);
         ui.viewer().show_layer(layer);
         assert!(ui.viewer().choose_joint(&name) && ui.viewer().choose_basis(basis + 1));
         // More than one, if memory was too small at first.
         (0..4).for_each(|_| _ = ui.frame(Vec::new()));
         assert!(ui.viewer().finish().unwrap());
-        assert_eq!(ui.viewer().layer(), layer);
-        let gpu = ui.viewer().gpu.clone();
-        let texture = ui.viewer().picture.texture().unwrap();
+        let viewer = ui.viewer();
+        assert_eq!(viewer.stage.layers().layer(viewer.document.avatar()), layer);
+        let gpu = ui.viewer().gpu().clone();
+        let texture = ui.canvas().picture().texture().unwrap();
         let size = [texture.width(), texture.height()];
         let pixels = pixels(&gpu, texture);
         Shown { ui, pixels, size }
@@ -82,7 +83,7 @@ impl Shown {
     }
 
     fn place(&mut self, world: DVec3) -> [u32; 2] {
-        let camera = self.ui.viewer().camera.camera(self.size);
+        let camera = self.ui.camera().camera(self.size);
         let pixel = camera.project(world).0;
         [pixel.x as u32, pixel.y as u32]
     }
@@ -95,7 +96,7 @@ impl Shown {
     }
 
     fn title(&mut self) -> String {
-        self.ui.viewer().layers.legend().map(|legend| legend.title.clone()).unwrap_or_default()
+        self.ui.viewer().stage.layers().legend().map(|legend| legend.title.clone()).unwrap_or_default()
     }
 }
 
@@ -149,7 +150,7 @@ fn depth_is_that_of_the_nearest_surface() {
     let avatar = known_avatar();
     let count = avatar.template.len();
     let world = |p: usize| DVec3::from([0, 1, 2].map(|c| f64::from(avatar.template.rest[c * count + p] + OFFSET[c])));
-    let camera = shown.ui.viewer().camera.camera(shown.size);
+    let camera = shown.ui.camera().camera(shown.size);
     let depths: Vec<(f64, f64)> = (0..count)
         .map(|p| {
             let (pixel, depth) = camera.project(world(p));
@@ -190,7 +191,7 @@ fn centers_are_dots_with_gaps_between_them() {
     let avatar = known_avatar();
     let count = avatar.template.len();
     let world = |p: usize| DVec3::from([0, 1, 2].map(|c| f64::from(avatar.template.rest[c * count + p] + OFFSET[c])));
-    let camera = shown.ui.viewer().camera.camera(shown.size);
+    let camera = shown.ui.camera().camera(shown.size);
     let nearest = (0..count)
         .filter(|p| {
             let (pixel, _) = camera.project(world(*p));
@@ -232,7 +233,8 @@ fn a_layer_that_an_avatar_lacks_is_explained_and_not_shown() {
         ui.viewer().run(crate::viewer::command::CommandId::ShowLayer(layer), &context);
         ui.frame(Vec::new());
         ui.frame(Vec::new());
-        assert_eq!(ui.viewer().layer(), Layer::Skin);
+        let viewer = ui.viewer();
+        assert_eq!(viewer.stage.layers().layer(viewer.document.avatar()), Layer::Skin);
         assert!(ui.harness.query_by_label_contains(said).is_some(), "{}: no message", layer.name());
         assert!(ui.viewer().missing_layer(layer).is_some());
     }

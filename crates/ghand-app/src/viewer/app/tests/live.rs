@@ -32,7 +32,7 @@ fn packet(angle: f64) -> String {
 
 impl Headless {
     fn send(&mut self, packet: &str) {
-        let port = self.viewer().live.as_ref().unwrap().port();
+        let port = self.viewer().live.live().unwrap().port();
         UdpSocket::bind("127.0.0.1:0").unwrap().send_to(packet.as_bytes(), ("127.0.0.1", port)).unwrap();
     }
 
@@ -57,18 +57,18 @@ impl Headless {
     }
 
     fn drives(&mut self) -> bool {
-        self.viewer().live.as_ref().is_some_and(Live::drives)
+        self.viewer().live.drives()
     }
 }
 
 #[test]
 fn packets_pose_the_hand_and_the_panel_says_what_comes() {
     let mut ui = viewer();
-    let port = ui.viewer().live.as_ref().unwrap().port();
+    let port = ui.viewer().live.live().unwrap().port();
     assert!(ui.is_shown(&format!("waiting for data on ws://127.0.0.1:{port}")));
-    let before = ui.viewer().shown.clone();
+    let before = ui.canvas().shown().cloned();
     ui.drive(0.2);
-    assert!(ui.viewer().shown != before && ui.drives());
+    assert!(ui.canvas().shown() != before.as_ref() && ui.drives());
     for text in ["pose", "Packets", "Latency", " ms", "smooth", "move in space"] {
         assert!(ui.is_shown(text), "{text}");
     }
@@ -87,7 +87,7 @@ fn live_poses_are_one_step_to_undo_and_the_last_one_stays() {
     let rest = ui.hand().pose.clone();
     (1..=5).for_each(|k| ui.drive(0.1 * f64::from(k)));
     ui.click("Stop");
-    assert!(ui.viewer().live.is_none() && ui.hand().pose == turned(0.5));
+    assert!(ui.viewer().live.live().is_none() && ui.hand().pose == turned(0.5));
     ui.press(Modifiers::COMMAND, Key::Z);
     assert_eq!(ui.hand().pose, rest);
     ui.press(Modifiers::COMMAND, Key::Y);
@@ -117,7 +117,7 @@ fn who_poses_the_hand_or_starts_a_motion_pauses_live_poses() {
         });
         assert_ne!(ui.hand().pose, turned(0.4), "{control}");
         ui.click("Resume");
-        ui.viewer().toasts = Toasts::default();
+        ui.viewer().session.forget_messages();
     }
     // They stop a motion that plays.
     assert!(ui.hand().is_playing());
@@ -132,26 +132,26 @@ fn who_poses_the_hand_or_starts_a_motion_pauses_live_poses() {
 #[test]
 fn a_trackers_hand_is_seen_as_the_tracker_sees_it() {
     let mut ui = viewer();
-    let first = ui.viewer().camera.clone();
+    let first = ui.camera().clone();
     ui.drive(0.1);
-    assert_eq!(ui.viewer().camera, first, "a pose in the model's axes does not turn the view");
+    assert_eq!(*ui.camera(), first, "a pose in the model's axes does not turn the view");
     let joint = r#"[0,0,0,0,0,0,1]"#;
     let joints = vec![joint; 25].join(",");
     ui.send(&format!(r#"{{"handedness":"right","joints":[{joints}]}}"#));
-    ui.wait(|ui| ui.viewer().camera != first);
-    let camera = ui.viewer().camera.camera([100, 100]);
+    ui.wait(|ui| *ui.camera() != first);
+    let camera = ui.camera().camera([100, 100]);
     assert!((camera.rotation - glam::DMat3::IDENTITY).to_cols_array().iter().all(|e| e.abs() < 1e-9));
 }
 
 #[test]
 fn a_port_in_use_is_told_and_another_hand_keeps_the_port() {
     let mut ui = viewer();
-    let port = ui.viewer().live.as_ref().unwrap().port();
+    let port = ui.viewer().live.live().unwrap().port();
     let mut other = Headless::new(Subject::Hand(Box::new(small_hand())), SIZE, 0.1);
     other.viewer().start_live(LiveSettings { port, origins: vec![] });
     other.frame(Vec::new());
     other.frame(Vec::new());
-    assert!(other.viewer().live.is_none() && other.is_shown(&format!("port {port} is already in use")));
+    assert!(other.viewer().live.live().is_none() && other.is_shown(&format!("port {port} is already in use")));
     ui.drive(0.2);
     let folder = tempfile::tempdir().unwrap();
     let left = ProceduralHand { detail: 1, left: true, ..Default::default() }.build().unwrap();
@@ -162,15 +162,16 @@ fn a_port_in_use_is_told_and_another_hand_keeps_the_port() {
     // The port is free again once the viewer does not need it.
     ui.press(Modifiers::COMMAND, Key::L);
     other.viewer().start_live(LiveSettings { port, origins: vec![] });
-    assert!(other.viewer().live.is_some());
+    assert!(other.viewer().live.live().is_some());
 }
 
 #[test]
 fn a_scene_has_no_live_poses() {
     let mut ui = viewer();
-    ui.viewer().subject = small_scene();
-    ui.viewer().live_subject_changed();
-    assert!(ui.viewer().live.is_none());
+    *ui.viewer().subject_mut() = small_scene();
+    let viewer = ui.viewer();
+    viewer.live.subject_changed(viewer.document.subject());
+    assert!(ui.viewer().live.live().is_none());
     ui.press(Modifiers::COMMAND, Key::L);
-    assert!(ui.viewer().live.is_none());
+    assert!(ui.viewer().live.live().is_none());
 }

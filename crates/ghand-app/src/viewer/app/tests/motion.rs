@@ -188,5 +188,5 @@ fn a_screenshot_shows_the_first_frame_of_a_motion() {
     let mut viewer = Viewer::new(&gpu, Subject::Hand(Box::new(hand)), "test".into()).unwrap();
     let file = tempfile::Builder::new().suffix(".png").tempfile().unwrap();
     screenshot(&mut viewer, [300, 200], 1.0, file.path()).unwrap();
-    assert_eq!(viewer.subject.pose(), Some(&sequence.frames[0].pose));
+    assert_eq!(viewer.subject_mut().pose(), Some(&sequence.frames[0].pose));
 }

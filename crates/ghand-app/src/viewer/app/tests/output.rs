@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::*;
-use crate::viewer::output_dialog::{OutputDialog, OutputKind, SERIES};
+use crate::viewer::dialogs::output_dialog::{OutputDialog, OutputKind, SERIES};
 
 impl Headless {
     /// Saves what was asked for and runs the user interface until it is done. Returns how many frames that took.
@@ -36,7 +36,7 @@ fn the_view_is_saved_as_a_picture_of_any_size_also_transparent() {
     ui.save(&asked, &path);
     let opaque = image::open(&path).unwrap();
     assert_eq!((opaque.width(), opaque.height(), opaque.color().has_alpha()), (300, 170, false));
-    assert_eq!(opaque.to_rgb8().get_pixel(0, 0).0, DARK_BACKGROUND);
+    assert_eq!(opaque.to_rgb8().get_pixel(0, 0).0, crate::viewer::stage::DARK_BACKGROUND);
     // An ending is added.
     asked.transparent = true;
     ui.save(&asked, &folder.path().join("clear"));
@@ -55,7 +55,7 @@ fn the_view_is_saved_as_a_picture_of_any_size_also_transparent() {
     }
     let model = ui.hand().model();
     let [wrist, knuckle] = ["wrist", "middle1"].map(|name| model.joints[model.joint_index(name).unwrap()]);
-    let camera = ui.viewer().camera.camera([300, 170]);
+    let camera = ui.camera().camera([300, 170]);
     let middle = camera.project(0.5 * (wrist + knuckle)).0;
     assert!(clear.get_pixel(middle.x as u32, middle.y as u32).0[3] > 250);
 }

@@ -3,7 +3,7 @@
 use egui::{Modifiers, PointerButton, Pos2, pos2};
 
 use super::*;
-use crate::viewer::app::view::ZOOM_PER_POINT;
+use crate::viewer::stage::ZOOM_PER_POINT;
 
 const A: Pos2 = pos2(450.0, 200.0);
 const B: Pos2 = pos2(520.0, 170.0);
@@ -63,12 +63,12 @@ fn settle(ui: &mut Headless) {
 #[test]
 fn a_drag_moves_the_view_by_its_length_at_any_frame_rate() {
     let mut ui = viewer();
-    let picture = ui.viewer().picture.texture().unwrap();
+    let picture = ui.canvas().picture().texture().unwrap();
     let edge = f64::from(picture.width().min(picture.height()));
     for (pointer_button, turns) in
         [(PointerButton::Primary, true), (PointerButton::Secondary, false), (PointerButton::Middle, false)]
     {
-        let mut expected = viewer().viewer().camera.clone();
+        let mut expected = viewer().camera().clone();
         if turns {
             expected.orbit(by(A, B))
         } else {
@@ -79,7 +79,7 @@ fn a_drag_moves_the_view_by_its_length_at_any_frame_rate() {
         for size in [events.len(), 5, 2, 1] {
             let mut ui = viewer();
             events.chunks(size).for_each(|frame| _ = ui.frame(frame.to_vec()));
-            assert_same(&ui.viewer().camera, &expected, &format!("{pointer_button:?}, {size} events a frame"));
+            assert_same(ui.camera(), &expected, &format!("{pointer_button:?}, {size} events a frame"));
         }
     }
 }
@@ -87,37 +87,37 @@ fn a_drag_moves_the_view_by_its_length_at_any_frame_rate() {
 #[test]
 fn two_drags_in_one_frame_both_count() {
     let mut ui = viewer();
-    let mut expected = ui.viewer().camera.clone();
+    let mut expected = ui.camera().clone();
     expected.orbit(by(A, B));
     expected.orbit(by(C, A));
     ui.frame([drag(PointerButton::Primary, A, B), drag(PointerButton::Primary, C, A)].concat());
-    assert_same(&ui.viewer().camera, &expected, "two drags");
+    assert_same(ui.camera(), &expected, "two drags");
 }
 
 #[test]
 fn a_drag_that_begins_on_the_panel_does_not_change_the_view() {
     for one_frame in [true, false] {
         let mut ui = viewer();
-        let before = ui.viewer().camera.clone();
+        let before = ui.camera().clone();
         let events = drag(PointerButton::Primary, pos2(100.0, 380.0), B);
         events.chunks(if one_frame { events.len() } else { 1 }).for_each(|frame| _ = ui.frame(frame.to_vec()));
         ui.frame(vec![Event::PointerMoved(pos2(100.0, 380.0)), wheel(2.0)]);
         settle(&mut ui);
-        assert_eq!(ui.viewer().camera, before);
+        assert_eq!(*ui.camera(), before);
     }
 }
 
 #[test]
 fn a_drag_continues_over_the_panel_and_outside_the_window() {
     let mut ui = viewer();
-    let mut expected = ui.viewer().camera.clone();
+    let mut expected = ui.camera().clone();
     expected.orbit(by(A, pos2(-20.0, 210.0)));
     ui.frame(vec![Event::PointerMoved(A), button(PointerButton::Primary, true, A)]);
     ui.frame(vec![Event::PointerMoved(pos2(100.0, 205.0))]);
     ui.frame(vec![Event::PointerGone, Event::PointerMoved(pos2(-20.0, 210.0))]);
     ui.frame(vec![button(PointerButton::Primary, false, pos2(-20.0, 210.0))]);
     ui.frame(vec![Event::PointerMoved(B)]);
-    assert_same(&ui.viewer().camera, &expected, "outside");
+    assert_same(ui.camera(), &expected, "outside");
 }
 
 #[test]
@@ -125,13 +125,13 @@ fn turns_of_the_wheel_add_up_between_frames() {
     // Without the panel, the middle of the view is that of the window.
     let viewer = || {
         let mut ui = viewer();
-        ui.viewer().settings.panel_shown = false;
+        ui.viewer().settings_mut().panel_shown = false;
         ui.frame(Vec::new());
         ui
     };
     let mut ui = viewer();
-    let edge = ui.viewer().picture.texture().unwrap().height();
-    let mut expected = ui.viewer().camera.clone();
+    let edge = ui.canvas().picture().texture().unwrap().height();
+    let mut expected = ui.camera().clone();
     // A line is 40 points.
     let pointer = by((0.5 * SIZE).to_pos2(), A);
     expected.zoom_at((3.0 * 40.0 * ZOOM_PER_POINT).exp(), pointer, edge.into());
@@ -141,20 +141,20 @@ fn turns_of_the_wheel_add_up_between_frames() {
         ui.frame(vec![Event::PointerMoved(A)]);
         events.chunks(size).for_each(|frame| _ = ui.frame(frame.to_vec()));
         settle(&mut ui);
-        assert_same(&ui.viewer().camera, &expected, &format!("{size} turns a frame"));
+        assert_same(ui.camera(), &expected, &format!("{size} turns a frame"));
     }
 }
 
 #[test]
 fn a_double_click_and_a_button_reset_the_view() {
     let mut ui = viewer();
-    let first = ui.viewer().camera.clone();
+    let first = ui.camera().clone();
     ui.frame(drag(PointerButton::Primary, A, B));
-    assert!(ui.viewer().camera != first);
+    assert!(*ui.camera() != first);
     ui.click("Reset view");
-    assert_eq!(ui.viewer().camera, first);
+    assert_eq!(*ui.camera(), first);
     ui.frame(drag(PointerButton::Primary, A, B));
     let click = [button(PointerButton::Primary, true, A), button(PointerButton::Primary, false, A)];
     ui.frame([&[Event::PointerMoved(A)], &click[..], &click[..]].concat());
-    assert_eq!(ui.viewer().camera, first);
+    assert_eq!(*ui.camera(), first);
 }

@@ -7,7 +7,8 @@ use ghand_motion::RestSkeleton;
 use ghand_motion::ik::HandIk;
 
 use super::*;
-use crate::viewer::screen::Screen;
+use crate::viewer::rendering::screen::Screen;
+use crate::viewer::stage::viewport::Viewport;
 
 pub(super) const WIDE: Vec2 = vec2(760.0, 500.0);
 
@@ -28,7 +29,7 @@ impl Headless {
         let pose = self.pose();
         let rect = egui::Rect::from_min_max(egui::pos2(260.0, 0.0), WIDE.to_pos2());
         let size = [rect.width() as u32, rect.height() as u32];
-        let screen = Screen { rect, camera: self.viewer().camera.camera(size) };
+        let screen = Screen { rect, camera: self.camera().camera(size) };
         ik.landmarks(&pose).iter().map(|place| screen.project(*place).unwrap().0).collect()
     }
 
@@ -92,7 +93,7 @@ fn a_copied_pose_can_be_pasted_and_other_text_changes_nothing() {
         ui.frame(Vec::new());
         assert_eq!(ui.pose(), before, "{bad}");
         assert!(ui.harness.query_all_by_label_contains("clipboard").next().is_some(), "no message for {bad:?}");
-        ui.viewer().toasts = Toasts::default();
+        ui.viewer().session.forget_messages();
     }
     ui.frame(vec![Event::Copy]);
     ui.frame(Vec::new());
@@ -116,7 +117,7 @@ fn a_dragged_fingertip_follows_the_pointer_and_other_fingers_stay() {
     ui.press(Modifiers::COMMAND, Key::Z);
     assert_eq!(ui.pose(), before);
     // The wrist moves the hand, a knuckle turns it; the view stays.
-    let camera = ui.viewer().camera.clone();
+    let camera = ui.camera().clone();
     let wrist = ui.landmarks()[0];
     ui.drag(wrist, wrist + vec2(20.0, -10.0));
     assert!(ui.landmarks()[0].distance(wrist + vec2(20.0, -10.0)) < 1.0);
@@ -125,18 +126,18 @@ fn a_dragged_fingertip_follows_the_pointer_and_other_fingers_stay() {
     ui.drag(knuckle, knuckle + vec2(30.0, 10.0));
     assert_ne!(ui.pose().rotations[0], before.rotations[0]);
     assert!(ui.landmarks()[0].distance(wrist) < 0.1);
-    assert_eq!(ui.viewer().camera, camera);
+    assert_eq!(*ui.camera(), camera);
 }
 
 #[test]
 fn without_handles_a_drag_on_a_finger_turns_the_view() {
     let mut ui = viewer();
-    let (before, camera) = (ui.pose(), ui.viewer().camera.clone());
+    let (before, camera) = (ui.pose(), ui.camera().clone());
     ui.press(Modifiers::NONE, Key::H);
     let tip = ui.landmarks()[8];
     ui.drag(tip, tip + vec2(20.0, 20.0));
     assert_eq!(ui.pose(), before);
-    assert_ne!(ui.viewer().camera, camera);
+    assert_ne!(*ui.camera(), camera);
 }
 
 #[test]
@@ -177,7 +178,7 @@ fn a_shape_is_undone_and_a_shaped_fingertip_follows_the_pointer() {
     assert_eq!(ui.hand().shape[0], 2.0);
     // The handles are those of the shape.
     let view = egui::Rect::from_min_max(egui::pos2(260.0, 0.0), egui::pos2(760.0, 1600.0));
-    let screen = ui.viewer().screen(view, 1.0);
+    let screen = ui.viewer().stage.screen(&Viewport { rect: view, pixels_per_point: 1.0, adaptive: true });
     let pose = ui.pose();
     let tip = |ui: &mut Headless, pose: &Pose| ui.hand().handles().unwrap().place(pose, &screen, 8).unwrap();
     let from = tip(&mut ui, &pose);

@@ -13,7 +13,7 @@ fn pictures_of_poses_are_made_while_the_view_rests_and_choose_poses() {
     let mut ui = Headless::new(Subject::Hand(Box::new(small_hand())), vec2(700.0, 900.0), 0.1);
     (0..3).for_each(|_| _ = ui.frame(Vec::new()));
     assert_eq!(made(&mut ui), 0, "words need no pictures");
-    ui.viewer().settings.thumbnails_shown = true;
+    ui.viewer().settings_mut().thumbnails_shown = true;
     let count = ghand_hand_model::named_poses::POSE_NAMES.len();
     // While a motion plays there are no new ones.
     ui.hand().play("wave");

@@ -15,16 +15,16 @@ use glam::DVec3;
 
 use super::*;
 use crate::capture_source::CaptureReading;
-use crate::viewer::capture_panel::CapturePanel;
 use crate::viewer::command::CommandId;
-use crate::viewer::picture::PictureInputs;
+use crate::viewer::document::capture_panel::CapturePanel;
+use crate::viewer::rendering::frame::PictureInputs;
 
 /// The built-in hand in front of the first camera of a small capture.
 fn viewer(folder: &Path) -> Headless {
     let mut ui = Headless::new(Subject::avatar(untrained_avatar()), vec2(760.0, 900.0), 0.3);
     let options =
         SyntheticOptions { views: 2, train_frames: 2, test_frames: 0, width: 60, height: 80, ..Default::default() };
-    make_capture(&ui.viewer().gpu, &options, folder).unwrap();
+    make_capture(ui.viewer().gpu(), &options, folder).unwrap();
     let model = ui.hand().model().clone();
     let panel = CapturePanel::open(folder, &CaptureReading::default(), &model).unwrap();
     ui.viewer().show_capture(panel);
@@ -80,12 +80,13 @@ fn settle(ui: &mut Headless) {
 /// Replaces the capture's image of the view by the picture, all of which is hand.
 fn put_picture_into_capture(ui: &mut Headless) {
     let viewer = ui.viewer();
-    let panel = viewer.capture.as_ref().unwrap();
+    let panel = viewer.document.capture().unwrap();
     let (camera, capture) = (panel.chosen().unwrap().0.clone(), panel.capture().clone());
     let (camera_index, frame) = panel.chosen_indices().unwrap();
     let background = capture.background.map(|v| v as f32);
-    let inputs = PictureInputs { camera: camera.clone(), background, ..viewer.shown.clone().unwrap() };
-    let picture = viewer.picture.read(&viewer.gpu, &inputs).unwrap();
+    let inputs =
+        PictureInputs { camera: camera.clone(), background, ..viewer.stage.canvas().shown().cloned().unwrap() };
+    let picture = viewer.stage.canvas_mut().read(&inputs).unwrap();
     let bytes = picture.into_iter().flat_map(quantize).collect();
     let image = image::RgbImage::from_raw(camera.width, camera.height, bytes).unwrap();
     image.save(capture.image_file(camera_index, frame).unwrap()).unwrap();
@@ -110,7 +111,7 @@ fn a_picture_differs_from_the_capture_but_not_from_itself() {
     assert!((5.0..40.0).contains(&other), "{other} dB");
     assert!(ui.harness.query_by_label_contains("display values").is_some(), "the legend is missing");
     put_picture_into_capture(&mut ui);
-    ui.viewer().truth.forget_images();
+    ui.viewer().stage.truth_mut().forget_images();
     settle(&mut ui);
     // Half a grey level in one of 60 x 80 x 3 values.
     assert!(psnr(&ui) > 90.0, "{} dB", psnr(&ui));
@@ -120,19 +121,19 @@ fn a_picture_differs_from_the_capture_but_not_from_itself() {
 fn the_truth_is_read_only_when_it_is_asked_for_and_not_beside_the_camera() {
     let folder = tempfile::tempdir().unwrap();
     let mut ui = viewer(folder.path());
-    assert!(ui.viewer().truth.texture().is_none());
+    assert!(ui.viewer().stage.truth().texture().is_none());
     ui.click("truth");
     settle(&mut ui);
-    assert_eq!(ui.viewer().truth.texture(), Some((0, 0)));
+    assert_eq!(ui.viewer().stage.truth().texture(), Some((0, 0)));
     ui.viewer().step_camera(1);
     settle(&mut ui);
-    assert_eq!(ui.viewer().truth.texture(), Some((1, 0)));
-    ui.viewer().camera.orbit(DVec2::new(30.0, 0.0));
+    assert_eq!(ui.viewer().stage.truth().texture(), Some((1, 0)));
+    ui.camera().orbit(DVec2::new(30.0, 0.0));
     settle(&mut ui);
     assert!(ui.harness.query_by_label_contains(" dB").is_none());
     ui.click("Back to the camera");
     settle(&mut ui);
-    assert!(ui.viewer().camera.is_calibrated() && psnr(&ui) > 0.0);
+    assert!(ui.camera().is_calibrated() && psnr(&ui) > 0.0);
 }
 
 #[test]
@@ -165,7 +166,7 @@ fn poses_of_training_follow_their_file_with_the_avatar() {
     avatar.template.name = "another name".into();
     avatar.save(&folder.path().join("avatar.ghand")).unwrap();
     (0..12).for_each(|_| _ = ui.frame(Vec::new()));
-    assert_eq!(ui.viewer().subject.name(), "another name");
+    assert_eq!(ui.viewer().subject_mut().name(), "another name");
     assert!(off_fist(&mut ui) < 1e-9);
 }
 
@@ -181,11 +182,11 @@ fn poses_that_are_missing_foreign_or_broken_leave_the_capture_as_given() {
             Some(content) => std::fs::write(&poses, content).unwrap(),
             None => std::fs::remove_file(&poses).unwrap(),
         }
-        ui.viewer().toasts = Toasts::default();
+        ui.viewer().session.forget_messages();
         ui.open(&folder.path().join("capture"));
         settle(&mut ui);
         assert_eq!(ui.harness.query_all_by_label_contains("poses.json").count(), notes, "{content:?}");
-        assert!(off_fist(&mut ui) > 0.5 && ui.viewer().failure.is_none());
+        assert!(off_fist(&mut ui) > 0.5 && ui.canvas().failure().is_none());
     }
 }
 
@@ -199,7 +200,7 @@ fn poses_of_another_capture_with_the_same_frame_ids_are_told_from_those_of_this_
     let moved = |metres: f64| Pose { translation: given.translation + DVec3::new(0.0, metres, 0.0), ..given.clone() };
     for (metres, notes) in [(0.06, 0), (0.1, 1)] {
         write_pose(&mut ui, folder.path(), &["0000"], &moved(metres));
-        ui.viewer().toasts = Toasts::default();
+        ui.viewer().session.forget_messages();
         ui.open(&folder.path().join("capture"));
         settle(&mut ui);
         assert_eq!(ui.harness.query_all_by_label_contains("of another capture").count(), notes, "{metres} m");
@@ -213,7 +214,7 @@ fn poses_of_another_capture_with_the_same_frame_ids_are_told_from_those_of_this_
 fn a_missing_or_broken_image_is_told_once() {
     let folder = tempfile::tempdir().unwrap();
     let mut ui = viewer(folder.path());
-    let capture = ui.viewer().capture.as_ref().unwrap().capture().clone();
+    let capture = ui.viewer().document.capture().unwrap().capture().clone();
     let missing = capture.image_file(0, 0).unwrap();
     std::fs::remove_file(&missing).unwrap();
     std::fs::write(capture.image_file(1, 0).unwrap(), "broken").unwrap();
@@ -221,13 +222,13 @@ fn a_missing_or_broken_image_is_told_once() {
     settle(&mut ui);
     let name = missing.file_name().unwrap().to_string_lossy().into_owned();
     assert_eq!(ui.harness.query_all_by_label_contains(&name).count(), 1);
-    ui.viewer().toasts = Toasts::default();
+    ui.viewer().session.forget_messages();
     settle(&mut ui);
     assert_eq!(ui.harness.query_all_by_label_contains(&name).count(), 0);
     ui.viewer().step_camera(1);
     settle(&mut ui);
     assert_eq!(ui.harness.query_all_by_label_contains(&name).count(), 1);
-    assert!(ui.viewer().failure.is_none());
+    assert!(ui.canvas().failure().is_none());
 }
 
 #[test]
@@ -256,5 +257,5 @@ fn the_line_of_the_split_is_dragged_and_the_view_stays() {
     ui.frame(Vec::new());
     let moved = ui.harness.get_by_label("Line between picture and truth").rect().center();
     assert!((moved.x - to.x).abs() < 1.0, "{moved} instead of {to}");
-    assert!(ui.viewer().camera.is_calibrated());
+    assert!(ui.camera().is_calibrated());
 }
