@@ -87,7 +87,8 @@ fn the_device_agrees_with_its_twin() {
                     };
                     near("its centre", vector(0).distance(wanted.mean), 2e-6);
                     near("its size", (f64::from(rows[3 * n + p]) - wanted.scale).abs(), 1e-7);
-                    near("its colour", vector(if flat { 7 } else { 4 }).distance(wanted.color), 1e-5);
+                    // WGSL's `exp` is exact to 3 + 2|x| units in the last place, which an NVIDIA H200 uses up.
+                    near("its colour", vector(if flat { 7 } else { 4 }).distance(wanted.color), 2e-5);
                     if flat {
                         near("its normal", vector(4).distance(wanted.normal), 1e-4);
                     }

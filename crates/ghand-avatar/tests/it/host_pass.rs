@@ -195,8 +195,8 @@ fn textures_of_linear_light_show_the_same_colours() {
     };
     let replace = |format| Target { replace: true, ..Target::color(format) };
     let srgb = wgpu::TextureFormat::Rgba8UnormSrgb;
-    // Rounding, and the device's own conversion from linear light.
-    assert!(worst(replace(COLOR)) <= 0.51, "{}", worst(replace(COLOR)));
+    // Rounding, which devices may do within 0.6 of a step, and the device's own conversion from linear light.
+    assert!(worst(replace(COLOR)) <= 0.61, "{}", worst(replace(COLOR)));
     assert!(worst(replace(srgb)) <= 1.1, "{}", worst(replace(srgb)));
     assert!(worst(Target { linear: false, ..replace(srgb) }) > 20.0, "colours are not compared");
 }
