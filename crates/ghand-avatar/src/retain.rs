@@ -7,8 +7,8 @@ use crate::properties::direct::DirectTables;
 use crate::template::Template;
 
 impl Avatar {
-    /// The avatar with only the Gaussians for which `mask`, N, is true. `None` unless it is a `direct` one: networks compute
-    /// all texels together, and baked tables are in groups.
+    /// The avatar with only the Gaussians for which `mask`, N, is true. `None` unless it is a `direct` one: networks
+    /// compute all texels together, and baked tables are in groups.
     pub fn retain(&self, mask: &[bool]) -> Option<Avatar> {
         let PropertyTables::Direct(tables) = &self.tables else { return None };
         let template = Template {

@@ -1,8 +1,8 @@
 //! Named poses for hands whose joint names identify the fingers.
 //!
 //! A pose is a set of anatomical angles ([`JointAxes`]), the same on every rig and within the limits of
-//! [`crate::joints::limits`]. They are tuned on the built-in hand: fingertips that touch do so there, and no part of it is
-//! more than 2 mm inside another.
+//! [`crate::joints::limits`]. They are tuned on the built-in hand: fingertips that touch do so there, and no part of it
+//! is more than 2 mm inside another.
 
 use ghand_core::{HandModel, Pose};
 use glam::DVec3;

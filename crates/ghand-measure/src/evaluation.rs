@@ -102,8 +102,8 @@ pub fn evaluate(
     evaluate_views(gpu, avatar, &test, baseline, each)
 }
 
-/// As [`evaluate`], for the images and poses of any protocol. Both avatar and baseline are drawn in these poses. The protocol
-/// `handavatar` skips images with empty masks.
+/// As [`evaluate`], for the images and poses of any protocol. Both avatar and baseline are drawn in these poses. The
+/// protocol `handavatar` skips images with empty masks.
 ///
 /// # Errors
 /// [`EvaluateError`] if an image is unusable or the device failed.

@@ -1,7 +1,7 @@
 //! How well an avatar agrees with images that training did not see.
 //!
-//! [`evaluation`] compares it with images and with the [`baseline`], in poses by a [`protocol`]. [`metrics`], [`ssim`] and
-//! [`lpips`] compare pictures, [`error_bands`] and [`outline`] say where errors are.
+//! [`evaluation`] compares it with images and with the [`baseline`], in poses by a [`protocol`]. [`metrics`], [`ssim`]
+//! and [`lpips`] compare pictures, [`error_bands`] and [`outline`] say where errors are.
 
 pub mod baseline;
 pub mod error_bands;

@@ -4,10 +4,10 @@
 //! The true hand is the same in the shape of a random person (`hand/random_shape.rs`, `random_bones.rs`),
 //! with a finer mesh, relief and skin that follow the pose, and volume-preserving skinning, so that the template with
 //! plain linear blend skinning has the usual errors of templates. Metacarpals of the fingers and tips stay at rest.
-//! Training poses have the errors of a tracker (`errors/poses.rs`), and training masks those of a segmentation if wanted
-//! (`errors/masks.rs`); test poses, test masks and truth are exact. The same options give the same capture, up to the
-//! renderer's rounding. Behind the hand there may be a desk (`images/background.rs`), and the hand may have a forearm
-//! (`hand/forearm.rs`), as in photographs.
+//! Training poses have the errors of a tracker (`errors/poses.rs`), and training masks those of a segmentation if
+//! wanted (`errors/masks.rs`); test poses, test masks and truth are exact. The same options give the same capture, up
+//! to the renderer's rounding. Behind the hand there may be a desk (`images/background.rs`), and the hand may have a
+//! forearm (`hand/forearm.rs`), as in photographs.
 
 mod errors;
 pub mod hand;

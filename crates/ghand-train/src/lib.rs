@@ -1,4 +1,5 @@
-//! Training of hand avatars: settings, the problem that a capture poses, a run with its checkpoints, and the training step.
+//! Training of hand avatars: settings, the problem that a capture poses, a run with its checkpoints, and the training
+//! step.
 
 pub mod checkpoint;
 pub mod checkpoints;

@@ -1,4 +1,5 @@
-//! The Gaussians that are visible in something: a training image, or a view of the hand in other poses and from other sides.
+//! The Gaussians that are visible in something: a training image, or a view of the hand in other poses and from other
+//! sides.
 //!
 //! What no training image shows may be the hand's other side, or be between fingers that are closed in all of them. So a
 //! Gaussian is superfluous only if other views do not show it either: it lies below the rest in all poses, or has next to

@@ -40,8 +40,8 @@ pub struct TestImages<'a> {
     pub lpips: Option<&'a Lpips>,
 }
 
-/// The figures on images, and some of the images for the report. The baseline's texture is made from the images of `train`,
-/// whose frames are in the poses `train_poses`.
+/// The figures on images, and some of the images for the report. The baseline's texture is made from the images of
+/// `train`, whose frames are in the poses `train_poses`.
 ///
 /// # Errors
 /// An error that names the unusable image, or the device if it failed.

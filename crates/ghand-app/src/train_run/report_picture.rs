@@ -18,8 +18,9 @@ const PAPER: Rgb<u8> = Rgb([40, 40, 44]);
 const INK: Rgb<u8> = Rgb([235, 235, 235]);
 const FAINT: Rgb<u8> = Rgb([165, 165, 170]);
 
-/// One row per view: truth, rendering, absolute error times four and baseline, below the names of camera and frame, each cut
-/// to the hand and what is near it. Each column has a head; above rendering and baseline is their PSNR in the hand's square.
+/// One row per view: truth, rendering, absolute error times four and baseline, below the names of camera and frame,
+/// each cut to the hand and what is near it. Each column has a head; above rendering and baseline is their PSNR in the
+/// hand's square.
 pub fn report(views: &[EvaluatedView]) -> RgbImage {
     let parts: Vec<Part> = views.iter().map(Part::around_hand).collect();
     let widest_head = HEADS.iter().map(|head| head.len() as u32 * letter_width()).max().unwrap_or(0);

@@ -15,8 +15,8 @@ pub fn squared_distances(mut values: Vec<f64>, [columns, rows]: [usize; 2]) -> V
     values
 }
 
-/// The depth of each pixel's centre below the outline of a mask, row-major, pixels: 0.5 next to the outline, infinite if
-/// the mask covers the picture. Not positive outside the mask.
+/// The depth of each pixel's centre below the outline of a mask, row-major, pixels: 0.5 next to the outline, infinite
+/// if the mask covers the picture. Not positive outside the mask.
 pub fn depths(is_inside: impl Iterator<Item = bool>, [width, height]: [u32; 2]) -> Vec<f64> {
     let start = is_inside.map(|inside| if inside { f64::INFINITY } else { 0.0 }).collect();
     // The outline runs half a pixel from the centre of the nearest pixel outside.

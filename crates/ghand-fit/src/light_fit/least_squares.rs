@@ -14,8 +14,8 @@ const SMALL_CHANGE: f64 = 1e-3;
 const LIGHT_RIDGE: f64 = 1e-3;
 /// Ridge on how much the light of a channel differs from the mean of all three, likewise.
 const COLOR_RIDGE: f64 = 0.1;
-/// What [`LightModel::Lamps`] takes from the pull on each direction, as a fraction of the mean pull: what little is gained
-/// by a lamp of its own there stays in the sky.
+/// What [`LightModel::Lamps`] takes from the pull on each direction, as a fraction of the mean pull: what little is
+/// gained by a lamp of its own there stays in the sky.
 const SPARSITY: f64 = 0.03;
 /// Ridge on the albedos, towards their mean: the squared ratio of what the model leaves unexplained to how much skin
 /// varies. A hand that hardly turns does not tell light from skin otherwise.

@@ -22,8 +22,8 @@ pub struct TexelColors {
     pub resolution: u32,
 }
 
-/// How much the mean of all texels counts at each one, as a view with this weight: texels that training hardly saw, or saw
-/// in deep shadow only, stay near it.
+/// How much the mean of all texels counts at each one, as a view with this weight: texels that training hardly saw, or
+/// saw in deep shadow only, stay near it.
 const PRIOR_WEIGHT: f64 = 0.02;
 
 /// Mean colours over at most `view_count` of a split's views, chosen at random with a fixed seed. `poses` holds the

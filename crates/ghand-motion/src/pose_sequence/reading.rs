@@ -1,4 +1,5 @@
-//! What all readers share: the file, its names and sides, the recording that they make, and what is said of files that none reads.
+//! What all readers share: the file, its names and sides, the recording that they make, and what is said of files that
+//! none reads.
 
 pub(crate) mod file_skeleton;
 pub(crate) mod folder;

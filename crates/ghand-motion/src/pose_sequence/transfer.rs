@@ -1,4 +1,5 @@
-//! From a recording to the hand model: the fit to landmarks and its report, the transfer of rotations, and what is not plausible.
+//! From a recording to the hand model: the fit to landmarks and its report, the transfer of rotations, and what is not
+//! plausible.
 
 pub(crate) mod landmark_fit;
 pub mod landmark_report;

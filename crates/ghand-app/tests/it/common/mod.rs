@@ -55,8 +55,8 @@ pub fn assert_one_sentence(output: &Output, parts: &[&str]) {
     }
 }
 
-/// Asserts that `train` has trained, evaluated and saved an avatar. It may be below its baseline, because tests train for
-/// only a few iterations. Returns stdout and stderr, without the sentence on the baseline.
+/// Asserts that `train` has trained, evaluated and saved an avatar. It may be below its baseline, because tests train
+/// for only a few iterations. Returns stdout and stderr, without the sentence on the baseline.
 pub fn assert_trained(output: &Output) -> [String; 2] {
     let [said, told] = [&output.stdout, &output.stderr].map(|bytes| String::from_utf8_lossy(bytes).into_owned());
     let is_failure = |line: &&str| line.starts_with("error: the training has failed: the avatar's PSNR");

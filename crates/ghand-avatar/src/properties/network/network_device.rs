@@ -17,8 +17,8 @@ impl NetworkPlacement {
     /// Environment variable that says where: `host` or `gpu`.
     const VARIABLE: &'static str = "GHAND_NETWORKS";
 
-    /// The place in [`NetworkPlacement::VARIABLE`], else the faster one: a software rasteriser runs networks slower than the
-    /// processor itself does.
+    /// The place in [`NetworkPlacement::VARIABLE`], else the faster one: a software rasteriser runs networks slower
+    /// than the processor itself does.
     ///
     /// # Errors
     /// [`RenderError::Invalid`] if the variable has another value, or this program has no networks for the GPU.
