@@ -295,7 +295,8 @@ impl TruthView {
             context.request_repaint_after(Duration::from_secs_f64((since + REST_SECS - now).max(0.01)));
             return Ok(());
         }
-        let ([width, height], shown) = (truth.size(), shown.clone());
+        let [width, height] = truth.size();
+        let shown = shown.clone();
         let picture = canvas.read(&PictureInputs { camera: camera.resized(width, height), ..shown.clone() })?;
         let picture: Vec<[u8; 3]> = picture.into_iter().map(quantize).collect();
         let difference = difference_image(truth.size(), &picture, &truth.view.rgba);
