@@ -20,7 +20,7 @@ setup: ## Install what is missing (Debian, Ubuntu)
 	@bash scripts/setup.sh
 
 demo: setup ## Train an avatar on a synthetic capture and print how good it is
-	@$(with_runtime_dir) cargo run --bin train -- --set iterations=660
+	@$(with_runtime_dir) cargo run -p ghand-app --no-default-features --bin train -- --set iterations=660
 
 test: setup ## Run all tests
 	@$(with_runtime_dir) \
@@ -41,6 +41,7 @@ viewer: setup ## Open the viewer on AVATAR=FILE, else on the last trained avatar
 check: ## Formatting and lints
 	@cargo fmt --all --check
 	@cargo clippy --workspace --all-targets -- -D warnings
+	@cargo clippy -p ghand-app -p ghand-lab --no-default-features --all-targets -- -D warnings
 	@cargo clippy --workspace --all-targets --features gpu-networks -- -D warnings
 
 libraries: ## Build the crates for browsers, and pack the splatter for other programs

@@ -24,4 +24,5 @@ pub mod run_files;
 pub mod runtime_dir;
 pub mod scene_file;
 pub mod train_run;
+#[cfg(feature = "viewer")]
 pub mod viewer;

@@ -97,8 +97,11 @@ mod tests {
     use std::os::unix::fs::PermissionsExt;
     use std::time::{Duration, Instant};
 
+    use ghand_avatar::AvatarConfig;
+    use ghand_core::Side;
+    use ghand_hand_model::builtin::builtin_hand;
+
     use super::*;
-    use crate::viewer::hand::tests::untrained_avatar;
 
     #[test]
     fn the_viewer_opens_once_with_the_first_avatar_and_nobody_waits_for_it() {
@@ -109,7 +112,8 @@ mod tests {
             .unwrap();
         std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755)).unwrap();
         let viewer = LiveViewer::with_program(program, folder.path(), folder.path());
-        let avatar = untrained_avatar();
+        let hand = builtin_hand(Side::Right).unwrap();
+        let avatar = Avatar::untrained(&hand, &AvatarConfig::default(), [0.86, 0.65, 0.54], 0).unwrap();
         let start = Instant::now();
         for _ in 0..3 {
             viewer.show(avatar.clone());
@@ -129,7 +133,8 @@ mod tests {
     fn a_viewer_that_cannot_be_started_is_no_error() {
         let folder = tempfile::tempdir().unwrap();
         let viewer = LiveViewer::with_program("/nowhere/viewer".into(), folder.path(), folder.path());
-        viewer.show(untrained_avatar());
+        let hand = builtin_hand(Side::Right).unwrap();
+        viewer.show(Avatar::untrained(&hand, &AvatarConfig::default(), [0.86, 0.65, 0.54], 0).unwrap());
         drop(viewer);
         assert!(folder.path().join(PREVIEW_AVATAR).exists());
     }
