@@ -29,7 +29,8 @@ fn main() -> anyhow::Result<()> {
     let mut loss = ImageLoss::new(&gpu, splatter.image(), splatter.d_image(), pixels)?;
     loss.set_target(&gpu, SIZE, &target(), LossWeights { l1: 1.0, ..Default::default() }, 3.0 * pixels as f64)?;
     // Adam on the colours alone: rows 4 to 6 of the table.
-    let (table, gradients) = (splatter.gaussians().clone(), splatter.d_gaussians().clone());
+    let table = splatter.gaussians().clone();
+    let gradients = splatter.d_gaussians().clone();
     let adam = Adam::new(&gpu)?.table(&gpu, &table, &gradients, 7 * COUNT, 1, Grouping::Scalars)?;
     for step in 1..=STEPS {
         splatter.run_frame(&gpu, |splatter, encoder| {

@@ -104,7 +104,8 @@ fn entries(module: &Module, info: &ModuleInfo) -> Result<String, std::fmt::Error
     let mut entries = String::new();
     for (index, entry) in module.entry_points.iter().enumerate() {
         let bindings: Vec<u32> = bound(module, info, index).map(|(number, ..)| number).collect();
-        let (name, workgroup) = (&entry.name, entry.workgroup_size);
+        let name = &entry.name;
+        let workgroup = entry.workgroup_size;
         write!(entries, "Entry {{ name: {name:?}, workgroup: {workgroup:?}, bindings: &{bindings:?} }}, ")?;
     }
     Ok(entries)
@@ -159,7 +160,8 @@ fn collect_programs(programs: &mut Programs, shader: &str, module: &Module, info
                 used: GlobalUse::empty(),
             });
             if (&binding.name, binding.kind) != (&name, kind) {
-                let (entry, other) = (&entry.name, &binding.name);
+                let entry = &entry.name;
+                let other = &binding.name;
                 return Err(format!("`{entry}` binds `{name}` as number {number}, but a variant binds `{other}`"));
             }
             binding.used |= used;
@@ -172,7 +174,8 @@ fn collect_programs(programs: &mut Programs, shader: &str, module: &Module, info
 fn rust_types((role, name): &(&'static str, String), program: &Program) -> Result<String, std::fmt::Error> {
     let marker: String = name.split('_').map(capitalized).collect();
     let files = program.files.join(", ");
-    let (mut fields, mut entries) = (String::new(), String::new());
+    let mut fields = String::new();
+    let mut entries = String::new();
     for (number, Binding { name, kind, used }) in &program.bindings {
         let (rust_type, resource) = match kind {
             Kind::Buffer => ("Buffer", format!("self.{name}.as_entire_binding()")),

@@ -38,7 +38,8 @@ fn subgroup_operations_are_rejected_where_there_are_none() {
 
 #[test]
 fn names_and_entry_points_are_unique_apart_from_variants() {
-    let (mut names, mut entries) = (BTreeSet::new(), BTreeSet::new());
+    let mut names = BTreeSet::new();
+    let mut entries = BTreeSet::new();
     for (name, subgroups, source) in sources() {
         assert!(names.insert(name), "two sources are called {name}");
         for entry in validate(subgroups, source).unwrap().entry_points {

@@ -41,11 +41,14 @@ fn flat(vectors: &[DVec3]) -> Vec<f64> {
 #[test]
 fn posed_points_and_their_gradients_have_the_same_bits_on_any_number_of_threads() {
     let rng = &mut ChaCha8Rng::seed_from_u64(1);
-    let (joints, bases) = (25, 3);
+    let joints = 25;
+    let bases = 3;
     let parents: Vec<Option<usize>> = (0..joints).map(|k: usize| k.checked_sub(1).map(|last| last / 2)).collect();
-    let (rest_joints, canonical) = (vectors(rng, joints), vectors(rng, POINTS));
+    let rest_joints = vectors(rng, joints);
+    let canonical = vectors(rng, POINTS);
     let [weights, residual_weights, regressor] = [0, 1, 2].map(|_| uniform(rng, joints * POINTS));
-    let (basis, coefficients) = (vectors(rng, bases * POINTS), vectors(rng, bases * POINTS));
+    let basis = vectors(rng, bases * POINTS);
+    let coefficients = vectors(rng, bases * POINTS);
     let (d_posed, d_offsets) = (vectors(rng, POINTS), vectors(rng, POINTS));
     let pose = Pose { rotations: vectors(rng, joints), translation: DVec3::ONE };
     for residual_weights_mode in [ResidualWeights::Paper, ResidualWeights::ZeroSum] {
@@ -86,7 +89,8 @@ fn posed_points_and_their_gradients_have_the_same_bits_on_any_number_of_threads(
 fn posed_hands_and_their_gradients_have_the_same_bits_on_any_number_of_threads() {
     let rng = &mut ChaCha8Rng::seed_from_u64(2);
     let plain = ProceduralHand::default().build().unwrap();
-    let (v, joints) = (plain.vertices.len(), plain.joint_count());
+    let v = plain.vertices.len();
+    let joints = plain.joint_count();
     assert!(v > 3000, "{v} vertices are one task");
     let model = HandModel {
         shape_directions: vectors(rng, 10 * v),

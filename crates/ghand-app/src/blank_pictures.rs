@@ -56,7 +56,9 @@ impl Blank {
         if covered >= ENOUGH_PIXELS {
             return None;
         }
-        let (mut low, mut high, mut nearest) = (DVec2::INFINITY, DVec2::NEG_INFINITY, f64::INFINITY);
+        let mut low = DVec2::INFINITY;
+        let mut high = DVec2::NEG_INFINITY;
+        let mut nearest = f64::INFINITY;
         let mut count = 0;
         for point in points().into_iter().filter(|point| point.is_finite()) {
             let (pixel, depth) = camera.project(point);

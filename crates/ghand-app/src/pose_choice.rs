@@ -237,7 +237,8 @@ pub fn pose_by_name(name: &str, model: &HandModel) -> anyhow::Result<Pose> {
 }
 
 fn unknown_name(name: &str) -> anyhow::Error {
-    let (poses, motions) = (POSE_NAMES.join(", "), MOTION_NAMES.join(", "));
+    let poses = POSE_NAMES.join(", ");
+    let motions = MOTION_NAMES.join(", ");
     anyhow!("unknown pose {name:?}; the poses are {poses}; the motions are {motions}; or give a file of poses")
 }
 

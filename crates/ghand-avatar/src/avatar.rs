@@ -155,7 +155,8 @@ mod tests {
         let samples = surface::sample_surface(&model, 96).unwrap();
         let thickness = local_thickness(&model, &samples);
         let avatar = Avatar::untrained_inset(&model, &config, [0.5; 3], 3.0, 0).unwrap();
-        let (mut bounded, mut free) = (0, 0);
+        let mut bounded = 0;
+        let mut free = 0;
         for ((depth, thickness), spacing) in depths(&avatar).iter().zip(&thickness).zip(&avatar.template.spacings) {
             assert!(*depth <= thickness / 3.0 + 1e-7, "{depth} m of {thickness} m");
             let wanted = 3.0 * f64::from(PropertyTables::START_SCALE * spacing);

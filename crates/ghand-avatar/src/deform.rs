@@ -410,7 +410,8 @@ impl Deformation {
             normals.encode(&mut pass);
         }
         drop(pass);
-        let (p, row) = (&self.buffers.properties, row_bytes(&self.current));
+        let p = &self.buffers.properties;
+        let row = row_bytes(&self.current);
         let scale = self.place.byte(SplatModel::SCALE_ROW as u64);
         encoder.copy_buffer_to_buffer(&p.scale, 0, &self.buffers.gaussians, scale, row);
         if let Some(normals) = self.normals().filter(|_| self.place.shape == Shape::Flat) {
@@ -516,7 +517,9 @@ impl DeformationBackward {
 
     /// Encodes the gradients from the table of Gaussians to scale, colour, residual weights and points.
     pub fn encode_point_gradients(&self, encoder: &mut wgpu::CommandEncoder) {
-        let (b, g, row) = (&self.buffers, &self.buffers.gradients, self.row_bytes);
+        let b = &self.buffers;
+        let g = &self.buffers.gradients;
+        let row = self.row_bytes;
         let scale = self.place.byte(SplatModel::SCALE_ROW as u64);
         encoder.copy_buffer_to_buffer(&b.d_gaussians, scale, &g.scale, 0, row);
         if self.shade.is_none() {

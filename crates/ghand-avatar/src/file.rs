@@ -146,7 +146,8 @@ fn flat3(v: &[DVec3]) -> Vec<f64> {
 
 fn tensors(avatar: &Avatar) -> Tensors {
     let (t, m) = (&avatar.template, &avatar.model);
-    let (count, joints) = (t.len(), t.joint_count());
+    let count = t.len();
+    let joints = t.joint_count();
     let mut out = Tensors::default();
     out.add("joints", Dtype::F64, &[joints, 3], &flat3(&t.joints));
     let is_baked = matches!(avatar.tables, PropertyTables::Baked(_));
@@ -399,7 +400,8 @@ impl<'a> Reader<'a> {
 
     fn avatar(&self) -> Result<Avatar, AvatarFileError> {
         let meta = &self.metadata;
-        let (model, config) = (&meta.model, &meta.config);
+        let model = &meta.model;
+        let config = &meta.config;
         let joints = model.joint_names.len();
         let side = match model.side.as_str() {
             "right" => Side::Right,
@@ -473,7 +475,8 @@ impl<'a> Reader<'a> {
         }
         let light = meta.light.map(|kind| self.light(kind, count, model.faces.len(), joints)).transpose()?;
         let seen = self.has("seen").then(|| self.seen(count)).transpose()?;
-        let (config, provenance) = (config.clone(), meta.provenance.clone());
+        let config = config.clone();
+        let provenance = meta.provenance.clone();
         Ok(Avatar { template, model, config, tables, light, seen, provenance })
     }
 

@@ -88,7 +88,8 @@ fn rings(
     };
     let targets: Vec<DVec3> = poses.iter().map(|p| center + p.translation - first.translation).collect();
     // Slopes, as multiples of the picture's height, of the outermost point in any picture.
-    let (aspect, mut slope) = (f64::from(width) / f64::from(height), 0.0f64);
+    let aspect = f64::from(width) / f64::from(height);
+    let mut slope = 0.0f64;
     for (number, (pose, target)) in poses.iter().zip(&targets).enumerate() {
         let points = posed_vertices(model, pose);
         for camera in ring(number, *target, 1.0) {
@@ -182,7 +183,8 @@ mod tests {
     #[test]
     fn an_orbit_goes_around_while_the_hand_moves() {
         let model = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();
-        let (rest, fist) = (Pose::rest(model.joint_count()), named_pose("fist", &model).unwrap());
+        let rest = Pose::rest(model.joint_count());
+        let fist = named_pose("fist", &model).unwrap();
         let poses = [&rest, &fist, &rest, &fist];
         let still = turntable(&model, &[&rest], 4, [200, 200]);
         for (turns, views) in [(1.0, [0, 1, 2, 3]), (-1.0, [0, 3, 2, 1]), (2.0, [0, 2, 0, 2]), (-0.5, [0, 9, 3, 9])] {

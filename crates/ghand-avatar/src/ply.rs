@@ -231,7 +231,9 @@ fn header(bytes: &[u8]) -> Result<Header, Problem> {
     if line()? != "ply" {
         return problem("header", "does not begin with `ply`; give a 3D Gaussian Splatting .ply file");
     }
-    let (mut ascii, mut antialias, mut elements) = (None, false, Vec::<Element>::new());
+    let mut ascii = None;
+    let mut antialias = false;
+    let mut elements = Vec::<Element>::new();
     loop {
         let words: Vec<String> = line()?.split_whitespace().map(String::from).collect();
         let words: Vec<&str> = words.iter().map(String::as_str).collect();

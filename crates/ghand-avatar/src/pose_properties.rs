@@ -26,7 +26,9 @@ impl PoseProperties {
     /// # Errors
     /// [`RenderError`] if the device failed.
     pub fn read(gpu: &Gpu, p: &Properties) -> Result<PoseProperties, RenderError> {
-        let (n, bases, joints) = (p.sizes.gaussians, p.sizes.bases, p.sizes.joints);
+        let n = p.sizes.gaussians;
+        let bases = p.sizes.bases;
+        let joints = p.sizes.joints;
         let wide = |values: Vec<f32>| values.into_iter().map(f64::from).collect::<Vec<f64>>();
         let rows = p.sizes.coefficients.rows();
         // Plain skinning is that with residual weights of 0.

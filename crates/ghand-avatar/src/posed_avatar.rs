@@ -44,7 +44,8 @@ impl PosedAvatar {
         gaussians: &wgpu::Buffer,
         place: TablePlace,
     ) -> Result<PosedAvatar, RenderError> {
-        let (template, config) = (&avatar.template, &avatar.config);
+        let template = &avatar.template;
+        let config = &avatar.config;
         let joints: Vec<f32> = template.joints.iter().flat_map(|j| j.as_vec3().to_array()).collect();
         let parents: Vec<i32> = template.parents.iter().map(|p| p.map_or(-1, |p| p as i32)).collect();
         let frames = frames.max(1);
@@ -79,7 +80,8 @@ impl PosedAvatar {
 
     /// With the deformation of this avatar.
     fn with(gpu: &Gpu, avatar: &Avatar, deformation: Deformation, frames: usize) -> Result<PosedAvatar, RenderError> {
-        let (template, config) = (&avatar.template, &avatar.config);
+        let template = &avatar.template;
+        let config = &avatar.config;
         let model = avatar.tables.on_device(gpu, &avatar.model, template, config, &deformation)?;
         let lit = avatar.light.as_ref().map(|light| LitHand::new(light, &avatar.model, frames));
         let root = template.joints.first().copied().unwrap_or_default();

@@ -170,7 +170,8 @@ pub fn pose_network(avatar: &Avatar, tables: &NetworkTables, pose: &Pose) -> Res
         coefficient_rows: config.coefficient_rows(),
     };
     let [shape_basis, residual_weights, channels, regressor, scales, colors] = twin.outputs();
-    let (rest, weights) = (vectors(&widen(&template.rest), 0, count), widen(&template.weights));
+    let rest = vectors(&widen(&template.rest), 0, count);
+    let weights = widen(&template.weights);
     let shape_basis: Vec<DVec3> = (0..config.shape_bases).flat_map(|i| vectors(&shape_basis, 3 * i, count)).collect();
     let coefficients = coefficients(config, &channels, count);
     let deformation = DeformationInputs {
@@ -261,7 +262,8 @@ impl<'a> DirectTwin<'a> {
 
     fn of(avatar: &'a Avatar, tables: &'a DirectTables) -> DirectTwin<'a> {
         let DirectTables { shape_basis, residual_weights, regressor, appearance, .. } = tables;
-        let (template, count) = (&avatar.template, avatar.template.len());
+        let template = &avatar.template;
+        let count = avatar.template.len();
         let basis = widen(shape_basis);
         // Plain skinning is that with residual weights of 0.
         let residual = |values: &[f32]| match avatar.config.plain_skinning {
@@ -306,7 +308,8 @@ impl<'a> DirectTwin<'a> {
 
     /// The Gaussians in a pose.
     pub fn pose(&self, pose: &Pose) -> PosedTwin {
-        let (config, count) = (&self.avatar.config, self.count());
+        let config = &self.avatar.config;
+        let count = self.count();
         let features = pose_features(pose);
         let mut channels = self.response.evaluate(&self.weights, &features, count);
         let color_values = channels.split_off(config.coefficient_rows() * count);
@@ -334,8 +337,10 @@ impl<'a> DirectTwin<'a> {
         d: &PosedGaussians,
         [offset_weight, scale_weight]: [f64; 2],
     ) -> TwinGradients {
-        let (config, count) = (&self.avatar.config, self.count());
-        let (largest, PosedGaussians { scales, colors, .. }) = (f64::from(self.avatar.max_scale()), &posed.gaussians);
+        let config = &self.avatar.config;
+        let count = self.count();
+        let largest = f64::from(self.avatar.max_scale());
+        let PosedGaussians { scales, colors, .. } = &posed.gaussians;
         let d_scale = (0..count)
             .map(|p| (d.scales[p] + scale_weight * scales[p]) * scales[p] * (1.0 - scales[p] / largest))
             .collect();

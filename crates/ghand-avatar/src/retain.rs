@@ -86,7 +86,8 @@ mod tests {
         }
         assert_eq!(tables.response, before.response);
         assert_eq!(part.seen.unwrap(), left.iter().map(|p| *p as f32).collect::<Vec<_>>());
-        let (light, whole) = (part.light.unwrap(), avatar.light.unwrap());
+        let light = part.light.unwrap();
+        let whole = avatar.light.unwrap();
         assert_eq!(light.faces, left.iter().map(|p| whole.faces[*p]).collect::<Vec<_>>());
         assert_eq!(light.barycentric, left.iter().map(|p| whole.barycentric[*p]).collect::<Vec<_>>());
     }

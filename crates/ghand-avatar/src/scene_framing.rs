@@ -90,7 +90,8 @@ pub fn scene_turntable(scene: &SplatScene, views: usize, up: UpAxis, [width, hei
 
 /// The visible Gaussians, or all if none is visible.
 fn balls(scene: &SplatScene) -> Vec<Ball> {
-    let (model, n) = (scene.model(), scene.count);
+    let model = scene.model();
+    let n = scene.count;
     let at = |row: usize, i: usize| scene.table.get(row * n + i).copied().unwrap_or(f32::NAN);
     let ball = |i: usize| {
         let center = DVec3::from([0, 1, 2].map(|row| f64::from(at(row, i))));

@@ -232,7 +232,8 @@ fn choose(
     let Some(frame) = frame else { return Ok(Err(SkipReason::NoPose)) };
     let Some(camera) = camera else { return Ok(Err(SkipReason::NoCamera)) };
     let Some([x, y, width, height]) = image.bounds else { return Ok(Err(SkipReason::Small)) };
-    let (right, bottom) = (f64::from(image.size[0]) - BORDER, f64::from(image.size[1]) - BORDER);
+    let right = f64::from(image.size[0]) - BORDER;
+    let bottom = f64::from(image.size[1]) - BORDER;
     if !(x >= BORDER && y >= BORDER && x + width <= right && y + height <= bottom) {
         return Ok(Err(SkipReason::AtBorder));
     }
@@ -247,7 +248,8 @@ fn choose(
 }
 
 fn splits(cameras: &[Camera], train: Vec<(usize, usize)>, test: Vec<(usize, usize)>) -> BTreeMap<String, Split> {
-    let (train, test) = (Split::of_pairs(train), Split::of_pairs(test));
+    let train = Split::of_pairs(train);
+    let test = Split::of_pairs(test);
     let mut splits = BTreeMap::new();
     for count in SPARSE {
         let chosen = farthest_point_sampling(cameras, &train.cameras, count);

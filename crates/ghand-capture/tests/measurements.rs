@@ -92,7 +92,9 @@ fn write_annotations(root: &Path) {
     let frame = |i: usize| 10_000 + i / 100;
     write!(out, "{{\"images\": [").unwrap();
     list(&mut out, IMAGES, &|i| {
-        let (sequence, camera, frame) = (sequence(i / 100), camera(i), frame(i));
+        let sequence = sequence(i / 100);
+        let camera = camera(i);
+        let frame = frame(i);
         format!(
             "{{\"id\": {i}, \"file_name\": \"Capture0/{sequence}/cam{camera}/image{frame}.jpg\", \"width\": 334, \
              \"height\": 512, \"capture\": 0, \"subject\": 1, \"seq_name\": \"{sequence}\", \"camera\": \"{camera}\", \

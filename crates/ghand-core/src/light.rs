@@ -104,7 +104,8 @@ pub struct SurfaceLight<'a> {
 impl SurfaceLight<'_> {
     /// Shade and gloss of number `i` of the colours, `[3][N]`.
     fn at(&self, i: usize) -> [f64; 2] {
-        let (channel, p) = (i / self.corners.len(), i % self.corners.len());
+        let channel = i / self.corners.len();
+        let p = i % self.corners.len();
         let at = |values: &[[f64; 3]]| -> f64 {
             let corners = self.corners[p].iter().zip(self.barycentric[p]);
             corners.map(|(v, weight)| weight * values.get(*v as usize).map_or(0.0, |rgb| rgb[channel])).sum()
@@ -168,7 +169,8 @@ mod tests {
     #[test]
     fn a_lit_colour_is_the_interpolated_shade_times_the_colour() {
         let shades = [[1.0, 0.5, 0.0], [2.0, 0.5, 1.0], [0.0, 0.5, 2.0]];
-        let (corners, barycentric) = ([[0, 1, 2], [2, 1, 0]], [[0.5, 0.25, 0.25], [1.0, 0.0, 0.0]]);
+        let corners = [[0, 1, 2], [2, 1, 0]];
+        let barycentric = [[0.5, 0.25, 0.25], [1.0, 0.0, 0.0]];
         let surface = SurfaceLight { corners: &corners, barycentric: &barycentric, shades: &shades, gloss: &[] };
         let lit = lit(&[0.5, 1.0, 0.2, 0.4, 1.0, 0.5], &surface);
         let wanted = [0.5, 0.0, 0.1, 0.2, 0.75, 1.0];
@@ -179,7 +181,8 @@ mod tests {
     fn the_derivative_of_lit_colours_is_that_of_finite_differences() {
         let shades = [[1.0, 0.5, 0.2], [1.5, 0.5, 1.0], [0.1, 0.5, 1.2]];
         let gloss = [[0.1, 0.2, 0.3], [0.0, 0.0, 0.0], [0.05, 0.0, 1.0]];
-        let (corners, barycentric) = ([[0, 1, 2], [1, 1, 1]], [[0.5, 0.25, 0.25], [1.0, 0.0, 0.0]]);
+        let corners = [[0, 1, 2], [1, 1, 1]];
+        let barycentric = [[0.5, 0.25, 0.25], [1.0, 0.0, 0.0]];
         let surface = SurfaceLight { corners: &corners, barycentric: &barycentric, shades: &shades, gloss: &gloss };
         let colors = [0.5, 0.9, 0.2, 0.4, 1.0, 0.03];
         let d_lit = [0.3, -1.0, 0.7, 0.2, -0.4, 1.1];

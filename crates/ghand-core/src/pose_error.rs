@@ -15,7 +15,8 @@ pub fn moving_joints(poses: &[Pose]) -> Vec<bool> {
 /// Mean angle between the local rotations of two sequences of poses, degrees, over all frames and the joints for which
 /// `counts` is true.
 pub fn pose_error_degrees(poses: &[Pose], truth: &[Pose], counts: &[bool]) -> f64 {
-    let (mut sum, mut n) = (0.0, 0usize);
+    let mut sum = 0.0;
+    let mut n = 0usize;
     for (a, b) in poses.iter().zip(truth) {
         for ((a, b), counts) in a.rotations.iter().zip(&b.rotations).zip(counts) {
             if *counts {

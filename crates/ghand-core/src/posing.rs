@@ -134,7 +134,8 @@ pub fn pose_hand_with(
     pose: &Pose,
     correctives: PoseCorrectives,
 ) -> Result<PosedModel, InvalidHandModel> {
-    let (rows, joints) = (pose.rotations.len(), model.joint_count());
+    let rows = pose.rotations.len();
+    let joints = model.joint_count();
     if rows != joints {
         return Err(invalid(model, "pose", format!("has {rows} rotations, but the model has {joints} joints")));
     }
@@ -208,7 +209,8 @@ fn skinning<'a>(corrected: &'a [DVec3], weights: &'a [f64], chain: &'a Chain, po
 
 /// The model's weights in the layout of skinning, `[n_b][V]`.
 fn joint_major_weights(model: &HandModel) -> Vec<f64> {
-    let (joints, vertices) = (model.joint_count(), model.vertices.len());
+    let joints = model.joint_count();
+    let vertices = model.vertices.len();
     let mut weights = vec![0.0; joints * vertices];
     for (v, row) in model.weights.chunks_exact(joints.max(1)).enumerate() {
         for (k, weight) in row.iter().enumerate() {

@@ -34,8 +34,12 @@ impl Rodrigues {
 
     fn near_zero(v: DVec3, s: f64) -> Rodrigues {
         // a = sin(angle) / angle = sum (-s)^k / (2k+1)!, b = (1 - cos(angle)) / s = sum (-s)^k / (2k+2)!
-        let (mut a, mut b, mut a_s, mut b_s) = (0.0, 0.0, 0.0, 0.0);
-        let (mut power, mut previous_power) = (1.0, 0.0);
+        let mut a = 0.0;
+        let mut b = 0.0;
+        let mut a_s = 0.0;
+        let mut b_s = 0.0;
+        let mut power = 1.0;
+        let mut previous_power = 0.0;
         let mut factorial = 1.0; // (2k+1)!
         for k in 0..9 {
             let k = f64::from(k);
@@ -63,7 +67,8 @@ impl Rodrigues {
     fn about_unit_axis(v: DVec3) -> Rodrigues {
         let (angle, rest) = length(v);
         // Rounding the angle alone would change the rotation by 2^-53 of it.
-        let ((sin, cos), (rest_sin, rest_cos)) = (angle.sin_cos(), rest.sin_cos());
+        let (sin, cos) = angle.sin_cos();
+        let (rest_sin, rest_cos) = rest.sin_cos();
         let (sin, cos) = (sin * rest_cos + cos * rest_sin, cos * rest_cos - sin * rest_sin);
         let versine = 1.0 - cos;
         let (sin_v, versine_v) = (sin / angle, versine / angle);
@@ -87,7 +92,8 @@ fn length(v: DVec3) -> (f64, f64) {
     // Squares of larger numbers overflow; products with powers of two are exact.
     let scale = if v.abs().max_element() > 1e150 { 2.0_f64.powi(-600) } else { 1.0 };
     let v = v * scale;
-    let (mut sum, mut lost) = (0.0, 0.0);
+    let mut sum = 0.0;
+    let mut lost = 0.0;
     for x in v.to_array() {
         let square = x * x;
         let total = sum + square;

@@ -167,7 +167,8 @@ mod tests {
     fn a_normal_stays_perpendicular_to_the_surface_under_shear_and_scale() {
         let linear = DMat3::from_cols_array(&[1.2, 0.1, 0.0, 0.7, 0.9, -0.2, 0.0, 0.3, 1.5]);
         let bone = Affine { linear, translation: DVec3::new(1.0, 2.0, 3.0) };
-        let (tangent, bitangent) = (DVec3::new(0.6, 0.0, 0.8), DVec3::new(0.3, 1.0, -0.2));
+        let tangent = DVec3::new(0.6, 0.0, 0.8);
+        let bitangent = DVec3::new(0.3, 1.0, -0.2);
         let flat = Affine { linear: DMat3::from_diagonal(DVec3::X), ..bone };
         let posed = |bones: &[Affine]| {
             let skinning = Skinning {

@@ -7,7 +7,8 @@ pub fn spiral_direction(k: usize, count: usize) -> DVec3 {
     let golden = std::f64::consts::PI * (1.0 + 5.0f64.sqrt());
     let at = k as f64 + 0.5;
     let z = 1.0 - 2.0 * at / count as f64;
-    let (radius, angle) = ((1.0 - z * z).sqrt(), golden * at);
+    let radius = (1.0 - z * z).sqrt();
+    let angle = golden * at;
     DVec3::new(radius * angle.cos(), radius * angle.sin(), z)
 }
 

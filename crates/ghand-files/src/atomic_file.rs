@@ -212,7 +212,8 @@ mod tests {
                 assert_eq!(std::fs::read(folder.path().join("real/file")).unwrap(), contents);
             }
             assert!([&first, &second].iter().all(|link| std::fs::symlink_metadata(link).unwrap().is_symlink()));
-            let (here, there) = (folder.path().join("here"), folder.path().join("there"));
+            let here = folder.path().join("here");
+            let there = folder.path().join("there");
             symlink(&there, &here).unwrap();
             symlink(&here, &there).unwrap();
             assert!(write_atomically(&here, b"x").unwrap_err().to_string().contains("cycle"));

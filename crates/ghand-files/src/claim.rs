@@ -95,7 +95,8 @@ mod tests {
     #[test]
     fn a_folder_and_a_file_are_claimed_once_and_nothing_is_left() {
         let place = tempfile::tempdir().unwrap();
-        let (folder, file) = (place.path().join("a/b"), place.path().join("c/x.ghand"));
+        let folder = place.path().join("a/b");
+        let file = place.path().join("c/x.ghand");
         let claims = [Claim::folder(&folder).unwrap(), Claim::beside(&file).unwrap()];
         for again in [Claim::folder(&folder), Claim::beside(&file)] {
             let error = again.unwrap_err().to_string();

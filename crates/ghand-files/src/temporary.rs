@@ -93,7 +93,8 @@ mod tests {
     #[test]
     fn what_is_dropped_is_forgotten_and_what_is_removed_is_gone() {
         let folder = tempfile::tempdir().unwrap();
-        let (file, inside) = (folder.path().join("file"), folder.path().join("a/b"));
+        let file = folder.path().join("file");
+        let inside = folder.path().join("a/b");
         std::fs::create_dir_all(&inside).unwrap();
         std::fs::write(&file, "x").unwrap();
         std::fs::write(inside.join("kept"), "x").unwrap();

@@ -397,7 +397,8 @@ impl<'a> Fit<'a> {
         let count = 3 * self.moving.len() + 3;
         let mut pose = given.clone();
         for _ in 0..PRIOR_STEPS {
-            let (mut matrix, mut gradient) = (DMatrix::zeros(count, count), DVector::zeros(count));
+            let mut matrix = DMatrix::zeros(count, count);
+            let mut gradient = DVector::zeros(count);
             self.priors.add_given(&pose, given, &self.moving, &mut matrix, &mut gradient);
             self.priors.spread.add(&pose, &mut matrix, &mut gradient);
             pose = self.moved(&pose, &-(inverse(&matrix) * gradient));
@@ -521,7 +522,8 @@ impl<'a> Fit<'a> {
         let of_frame = |(pose, images): (&Pose, &Images)| -> Result<(Vec<f64>, Vec<f64>), InvalidHandModel> {
             let positions = pose_hand(template, &[], pose)?.vertices;
             let normals = template.vertex_normals(&positions);
-            let (mut distances, mut overlaps) = (vec![], vec![]);
+            let mut distances = vec![];
+            let mut overlaps = vec![];
             for (camera, field) in images {
                 let contour = self.edges.contour(&positions, &normals, camera, field);
                 distances.extend(contour.iter().map(|point| point.residual.abs()));
@@ -577,7 +579,8 @@ struct JointStep {
 fn joint_step(equations: &[FrameEquations], shared: &[f64], deviations: &[f64]) -> JointStep {
     let inverses: Vec<DMatrix<f64>> = equations.par_iter().map(|frame| inverse(&frame.pose_pose)).collect();
     let count = shared.len();
-    let (mut matrix, mut gradient) = (DMatrix::zeros(count, count), DVector::zeros(count));
+    let mut matrix = DMatrix::zeros(count, count);
+    let mut gradient = DVector::zeros(count);
     let parts: Vec<(DMatrix<f64>, DVector<f64>)> = (equations.par_iter().zip(&inverses))
         .map(|(frame, inverse)| {
             let eliminated = frame.pose_shared.transpose() * inverse;

@@ -272,7 +272,9 @@ pub fn fit_light_to(
         }
     }
     let frame_factors = frame_factors(&columns, &fits);
-    let (frames, texels, seconds) = (seen.frames.len(), seen.used(), start.elapsed().as_secs_f64());
+    let frames = seen.frames.len();
+    let texels = seen.used();
+    let seconds = start.elapsed().as_secs_f64();
     let light = light(&columns, &fits);
     Ok(LightFit { light, gloss, figures, frames, texels, frame_factors, seconds })
 }

@@ -66,7 +66,8 @@ pub fn sharpness(pixels: &[[u8; 4]], size: [u32; 2]) -> Option<Sharpness> {
         let squares = a.iter().zip(b).zip(&inside).filter(|(_, inside)| **inside);
         squares.map(|((a, b), _)| f64::from(a - b).powi(2)).sum::<f64>()
     };
-    let (detail, shape) = (contrast(&values, &fine), contrast(&fine, &coarse));
+    let detail = contrast(&values, &fine);
+    let shape = contrast(&fine, &coarse);
     // Less than half a step of 8 bits is no detail.
     if shape <= count as f64 * (0.5f64 / 255.0).powi(2) {
         return None;

@@ -44,7 +44,8 @@ pub fn reduced(pixels: &[[u8; 4]], [width, height]: [u32; 2], factor: u32) -> (V
     let mut out = Vec::with_capacity((size[0] * size[1]) as usize);
     for y in 0..size[1] {
         for x in 0..size[0] {
-            let (mut sum, mut n) = ([0u32; 4], 0);
+            let mut sum = [0u32; 4];
+            let mut n = 0;
             for sy in y * factor..((y + 1) * factor).min(height) {
                 for sx in x * factor..((x + 1) * factor).min(width) {
                     let pixel = pixels[(sy * width + sx) as usize];

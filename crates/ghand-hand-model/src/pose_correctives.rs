@@ -216,7 +216,8 @@ impl Bend {
     /// base is as thick as the palm, so that without this the skin up to the web would be inside the palm.
     fn folded(&self, posed: DVec3, moving: f64, flexion: f64) -> DVec3 {
         let half = rotation_from_axis_angle(self.hinge * (flexion.max(0.0) / 2.0));
-        let (across, within) = (half * self.along, half * self.inner);
+        let across = half * self.along;
+        let within = half * self.inner;
         let distance = posed.dot(across);
         let of_finger = smooth_step((moving - 0.2) / 0.6);
         let allowed = of_finger * distance.max(0.0) + (1.0 - of_finger) * distance.min(0.0);

@@ -40,7 +40,8 @@ pub fn shape_from_text(model: &HandModel, text: &str) -> Result<Vec<f64>, Invali
         };
         return shape_from_names(model, &parts.iter().map(pair).collect::<Result<Vec<_>, _>>()?);
     }
-    let (found, taken) = (parts.len(), model.shape_count());
+    let found = parts.len();
+    let taken = model.shape_count();
     if found > taken {
         return Err(invalid(model, format!("has {found} numbers, the model takes {taken}; remove the others")));
     }

@@ -225,20 +225,24 @@ fn train(
         images.clear();
         let baseline = Baseline::new(gpu, capture, train_split, &trained.poses, BASELINE_VIEWS)?;
         evaluate(gpu, &trained.avatar, capture, test_split, &baseline, |view| {
-            let ([camera, frame], likeness) = (view.name, view.likeness);
+            let [camera, frame] = view.name;
+            let likeness = view.likeness;
             let [psnr, psnr_hand, ssim] = [likeness.psnr, likeness.psnr_hand, likeness.ssim];
             images.push(ImageFigures { frame, camera, psnr, psnr_hand, ssim });
         })?;
         Ok(())
     })?;
-    let (iterations, seconds) = (trained.iterations, trained.seconds);
+    let iterations = trained.iterations;
+    let seconds = trained.seconds;
     Ok(ArmRun { arm: arm.name.into(), seed: settings.seed, iterations, seconds, images })
 }
 
 /// Means over the images of a training.
 fn one_line(run: &ArmRun) -> String {
     let mean = |of: fn(&ImageFigures) -> f64| run.images.iter().map(of).sum::<f64>() / run.images.len().max(1) as f64;
-    let (psnr, on_hand, ssim) = (mean(|image| image.psnr), mean(|image| image.psnr_hand), mean(|image| image.ssim));
+    let psnr = mean(|image| image.psnr);
+    let on_hand = mean(|image| image.psnr_hand);
+    let ssim = mean(|image| image.ssim);
     let ArmRun { iterations, seconds, .. } = run;
     format!("  {psnr:.2} dB, {on_hand:.2} on the hand, SSIM {ssim:.4}; {iterations} iterations, {seconds:.0} s")
 }

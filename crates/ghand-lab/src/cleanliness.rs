@@ -202,7 +202,8 @@ pub fn run(args: &CleanlinessArgs, adapter: &AdapterArgs) -> anyhow::Result<()> 
         outline: outline.figures(),
         albedo_detail: albedo.relative_to(&training.detail),
     };
-    let (mut lit, mut albedo) = (PictureSums::default(), DetailEnergy::default());
+    let mut lit = PictureSums::default();
+    let mut albedo = DetailEnergy::default();
     let mut outline = OutlineSums::default();
     let mut by_view = vec![PictureSums::default(); VIEWS];
     let mut by_pose: Vec<NamedFigures> = vec![];
@@ -280,8 +281,10 @@ fn library_pose(name: &str, avatar: &Avatar, [rotation, translation]: [DVec3; 2]
 
 /// Measures a sample of the training images.
 fn measure_training(capture: &Capture, split: &Split) -> anyhow::Result<Training> {
-    let (mut known, mut detail) = (KnownColors::default(), DetailEnergy::default());
-    let (mut resolutions, mut distances) = (vec![], vec![]);
+    let mut known = KnownColors::default();
+    let mut detail = DetailEnergy::default();
+    let mut resolutions = vec![];
+    let mut distances = vec![];
     let mut has_outline = false;
     let sample = sample_of(split, MOST_IMAGES);
     if sample.is_empty() {
@@ -292,7 +295,8 @@ fn measure_training(capture: &Capture, split: &Split) -> anyhow::Result<Training
         has_outline |= !picture.is_all_hand();
         known.add(&picture);
         detail.add(&picture);
-        let (camera, frame) = (&capture.cameras[view.camera], &capture.frames[view.frame]);
+        let camera = &capture.cameras[view.camera];
+        let frame = &capture.frames[view.frame];
         let distance = camera.camera_from_world(middle(&posed_vertices(&capture.template, &frame.pose))).z;
         if distance > 0.0 {
             resolutions.push(0.5 * camera.focal.element_sum() / distance);

@@ -102,9 +102,11 @@ impl Lpips {
         let truth = self.network.features(self.input(size, truth)?);
         let picture = self.input(size, picture)?.autodiff().require_grad();
         let taps = self.network.features(picture.clone());
-        let (mut sum, mut gradients) = (0.0, Vec::new());
+        let mut sum = 0.0;
+        let mut gradients = Vec::new();
         for ((features, truth), weights) in taps.iter().zip(truth).zip(&self.linear) {
-            let (features, truth) = (values(features.clone().inner())?, values(truth)?);
+            let features = values(features.clone().inner())?;
+            let truth = values(truth)?;
             let (distance, gradient) =
                 Comparison { features: &features, truth: &truth, weights }.distance_and_gradient();
             sum += distance;

@@ -46,7 +46,9 @@ pub struct Psnr {
 
 /// PSNR of an 8-bit picture against a truth (red, green, blue, mask) of the same size.
 pub fn psnr(picture: &[[u8; 3]], truth: &[[u8; 4]]) -> Psnr {
-    let (mut sum, mut hand_sum, mut hand) = (0.0, 0.0, 0);
+    let mut sum = 0.0;
+    let mut hand_sum = 0.0;
+    let mut hand = 0;
     for (p, t) in picture.iter().zip(truth) {
         let error = squared_error(*p, *t);
         sum += error;

@@ -43,7 +43,8 @@ pub fn silhouette(camera: &Camera, points: &[DVec3], faces: &[[u32; 3]]) -> Vec<
 
 /// Part of each pixel that a silhouette covers, from one of [`SILHOUETTE_SCALE`] times the size.
 fn covered_parts(is_inside: &[bool], [width, height]: [u32; 2]) -> Vec<f32> {
-    let (width, side) = (width as usize, SILHOUETTE_SCALE as usize);
+    let width = width as usize;
+    let side = SILHOUETTE_SCALE as usize;
     let mut parts = vec![0.0f32; width * height as usize];
     for (row, pixels) in is_inside.chunks_exact((width * side).max(1)).enumerate() {
         for (column, is_inside) in pixels.iter().enumerate() {

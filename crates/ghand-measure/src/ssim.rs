@@ -64,7 +64,8 @@ fn weighted<'a>(window: &[f64; WINDOW], around: impl Iterator<Item = &'a Moments
 }
 
 fn similarity([p, t, pp, tt, pt]: [f64; 5]) -> f64 {
-    let (variances, covariance) = (pp - p * p + tt - t * t, pt - p * t);
+    let variances = pp - p * p + tt - t * t;
+    let covariance = pt - p * t;
     (2.0 * p * t + C1) * (2.0 * covariance + C2) / ((p * p + t * t + C1) * (variances + C2))
 }
 

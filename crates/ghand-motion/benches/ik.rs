@@ -34,7 +34,8 @@ fn benchmark(c: &mut Criterion) {
     let noisy: Vec<[DVec3; 21]> = exact.iter().enumerate().map(noisy).collect();
     for (name, frames) in [("exact", &exact), ("noisy", &noisy)] {
         c.bench_function(&format!("ik/a frame after another, {name}"), |bencher| {
-            let (mut k, mut before) = (0, None);
+            let mut k = 0;
+            let mut before = None;
             bencher.iter(|| {
                 let solution = ik.solve(black_box(&frames[k % frames.len()]), before.as_ref()).unwrap();
                 k += 1;

@@ -26,7 +26,8 @@ fn benchmark(c: &mut Criterion) {
     for (name, text) in PACKETS {
         let packets: Vec<&str> = text.lines().collect();
         c.bench_function(&format!("live/{name}"), |bencher| {
-            let (mut live, mut k) = (LivePoses::default(), 0);
+            let mut live = LivePoses::default();
+            let mut k = 0;
             bencher.iter(|| {
                 k += 1;
                 let packet = black_box(packets[k % packets.len()].as_bytes());

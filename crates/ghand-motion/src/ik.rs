@@ -112,7 +112,8 @@ pub struct IkSolution {
 impl HandIk {
     /// The hand of a skeleton.
     pub fn new(rig: &RestSkeleton) -> HandIk {
-        let (mut parents, mut joints) = (rig.parents.clone(), rig.joints.clone());
+        let mut parents = rig.parents.clone();
+        let mut joints = rig.joints.clone();
         let mut landmarks = [0; LANDMARK_COUNT];
         let mut hinges = Vec::new();
         let mut all_ranges = Vec::new();

@@ -149,7 +149,8 @@ impl LivePoses {
         };
         let side = side.unwrap_or(model.side);
         self.check_side(&source, side, seconds)?;
-        let (ignored, no_options) = (&mut Vec::new(), PoseOptions::default());
+        let ignored = &mut Vec::new();
+        let no_options = PoseOptions::default();
         let (kind, mut pose) = match motion {
             Motion::WebXr { frames } => {
                 let frame = only(&source, frames)?;

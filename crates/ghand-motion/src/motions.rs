@@ -169,7 +169,8 @@ impl Thumb {
                 between(&self.lifted, &to.pose, eased((2.0 * part - 1.0) / (1.0 - stays)))
             }
         };
-        let (base, others) = (thumb(true), thumb(false));
+        let base = thumb(true);
+        let others = thumb(false);
         for (nth, k) in self.joints.iter().enumerate() {
             let thumb = if nth == 0 { &base } else { &others };
             if let (Some(rotation), Some(own)) = (pose.rotations.get_mut(*k), thumb.rotations.get(*k)) {
@@ -187,7 +188,8 @@ fn frames(keys: &[Key], thumb: &Thumb, fps: f64) -> Vec<PoseFrame> {
         let mut start = 0.0;
         let mut before: Option<&Key> = None;
         for key in keys {
-            let (arrived, left) = (start + key.way, start + key.way + key.hold);
+            let arrived = start + key.way;
+            let left = start + key.way + key.hold;
             if let Some(before) = before.filter(|_| seconds < arrived) {
                 return Some(thumb.between(before, key, (seconds - start) / key.way));
             }

@@ -163,7 +163,9 @@ mod tests {
             let rotation = rotation_from_axis_angle(rest).transpose() * rotation_from_axis_angle(rotation);
             axis_angle_from_rotation(&rotation).length_squared()
         };
-        let (mut before, mut after, mut place) = (0.0, 0.0, 0.0);
+        let mut before = 0.0;
+        let mut after = 0.0;
+        let mut place = 0.0;
         for k in 0..300 {
             let noisy = pose(turned(vector(&mut random, 0.08)), vector(&mut random, 0.004));
             let smooth = filter.smooth(&noisy, f64::from(k) * STEP);

@@ -175,7 +175,8 @@ fn poses_and_fit(
     options: &PoseOptions,
 ) -> Result<(PoseSequence, Option<LandmarkFit>), PoseError> {
     let wanted = options.side.unwrap_or(model.side);
-    let (take, pose_model) = (options.take.as_deref(), options.pose_model.as_ref());
+    let take = options.take.as_deref();
+    let pose_model = options.pose_model.as_ref();
     let source = Source { origin, wanted, take, joint_count: model.joint_count(), model, pose_model };
     let (Recording { side, usual_fps, motion, skipped, mut warnings }, mut timeline) = timed_recording(&source, value)?;
     warnings.extend(skipped.finish(&source, motion.len())?);
@@ -304,7 +305,8 @@ impl PoseSequence {
         let last = self.frames.len().checked_sub(1)?;
         let place = (seconds * self.fps).clamp(0.0, last as f64);
         let place = if place.is_nan() { 0.0 } else { place };
-        let (before, part) = (place.floor() as usize, place.fract());
+        let before = place.floor() as usize;
+        let part = place.fract();
         let first = self.frames.get(before)?;
         match self.frames.get(before + 1) {
             Some(second) if part > 0.0 => Some(between(&first.pose, &second.pose, part)),

@@ -63,7 +63,8 @@ fn shortened(text: &str, most: usize) -> Vec<char> {
         return letters;
     }
     let kept = most.saturating_sub(2);
-    let (head, tail) = (kept - kept / 2, kept / 2);
+    let head = kept - kept / 2;
+    let tail = kept / 2;
     let ends = letters.iter().take(head).chain(&['.', '.']).chain(letters.iter().skip(letters.len() - tail));
     ends.take(most).copied().collect()
 }

@@ -159,7 +159,10 @@ mod tests {
             options.set_color_output(gif::ColorOutput::RGBA);
             let mut decoder = options.read_info(std::fs::File::open(&path).unwrap()).unwrap();
             assert_eq!(decoder.repeat(), Repeat::Infinite);
-            let (mut frames, mut time, mut worst, mut sum) = (0, 0, 0, 0u64);
+            let mut frames = 0;
+            let mut time = 0;
+            let mut worst = 0;
+            let mut sum = 0u64;
             while let Some(frame) = decoder.read_next_frame().unwrap() {
                 frames += 1;
                 time += frame.delay;

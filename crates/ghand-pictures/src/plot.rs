@@ -247,7 +247,8 @@ impl IntervalPlot {
             .map_err(|e| text(&e))?;
         let left = chart.plotting_area().get_x_range().start;
         for (k, (name, [mean, low, high])) in self.rows.iter().enumerate() {
-            let (y, color) = (k as f64, COLORS[0]);
+            let y = k as f64;
+            let color = COLORS[0];
             let label = (FONT, 13).into_font().color(&INK).pos(Pos::new(HPos::Right, VPos::Center));
             let line = PathElement::new(vec![(*low, y), (*high, y)], color.stroke_width(2));
             chart.draw_series([line]).map_err(|e| text(&e))?;

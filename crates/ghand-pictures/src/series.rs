@@ -120,7 +120,8 @@ impl Series {
     /// An error that names the file.
     pub fn finish(self) -> Result<String, PictureError> {
         self.bar.finish_and_clear();
-        let ([width, height], count) = (self.size, self.count);
+        let [width, height] = self.size;
+        let count = self.count;
         Ok(match self.sink {
             Sink::Picture(path) => format!("{}: {width} x {height} pixels", path.display()),
             Sink::Film(path, film, fps) => {

@@ -122,7 +122,8 @@ impl ImageLoss {
         // A strip has at least one pixel, and each pixel belongs to one of a row and one of a column.
         let values = &buffers::zeroed(gpu, "loss values", 2 * 4 * max_pixels);
         let strand_sums = buffers::zeroed(gpu, "loss sums", 4 * STRANDS);
-        let (loss, target_image) = (&uniforms, &target);
+        let loss = &uniforms;
+        let target_image = &target;
         ImageLoss {
             blur_rows: module
                 .stage::<BlurRows>(gpu, &[])

@@ -101,7 +101,8 @@ impl MeshRenderer {
         camera: &Camera,
         style: &MeshStyle,
     ) -> Resolved {
-        let (k, margin) = (style.supersample, style.wireframe.map_or(0, |w| w.margin()));
+        let k = style.supersample;
+        let margin = style.wireframe.map_or(0, |w| w.margin());
         let around = with_margin(camera, margin);
         let targets = self.context.targets(&around, k, style.wireframe.is_some());
         self.faces.encode(&self.context, encoder, mesh, &around, &style.shading, &targets);

@@ -452,7 +452,8 @@ impl Splatter {
     }
 
     fn encode_stage(&self, stage: FrameStage, pass: &mut wgpu::ComputePass<'_>) {
-        let (frame, tiles) = (&self.frame, self.current.tiles);
+        let frame = &self.frame;
+        let tiles = self.current.tiles;
         match stage {
             FrameStage::Project => frame.project.forward(pass),
             FrameStage::SortDepth => frame.depth_sort.encode(pass),

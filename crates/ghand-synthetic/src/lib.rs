@@ -403,7 +403,8 @@ fn with_joints_of(format: CaptureFormat, model: HandModel) -> Result<HandModel, 
 /// Given and true poses of the training frames, then of the test frames.
 fn poses(options: &SyntheticOptions, right: &HandModel) -> [Vec<Pose>; 2] {
     let anatomy = anatomy::Anatomy::of(right);
-    let (joint_count, seed) = (right.joint_count(), options.seed);
+    let joint_count = right.joint_count();
+    let seed = options.seed;
     let mut train = trajectory::trajectory(&anatomy, joint_count, options.train_frames, seed);
     let mut test = trajectory::single_poses(&anatomy, joint_count, options.test_frames, seed);
     if options.twist_degrees > 0.0 || options.abduction_degrees > 0.0 {

@@ -134,7 +134,8 @@ impl<'a> Skin<'a> {
 
     /// A nail, smooth as its mesh, and the fold of skin around it.
     fn nail(&self, plate: &NailPlate, point: &SkinPoint, color: &mut DVec3, height: &mut f64) {
-        let (at, out) = (plate.coordinates(point.position), plate.eccentricity(point.position));
+        let at = plate.coordinates(point.position);
+        let out = plate.eccentricity(point.position);
         let part = plate.part_of(point.position, point.normal);
         let Complexion { nail, nail_edge, crease, .. } = *self.complexion;
         let up = smoothstep(0.05, 0.3, point.normal.dot(plate.normal));

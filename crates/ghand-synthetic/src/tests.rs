@@ -56,7 +56,8 @@ fn a_capture_is_the_same_each_time_and_holds_the_hand_in_every_image() {
     assert!(files == contents(&b), "the same options give the same files");
 
     let capture = Capture::open(&a).unwrap();
-    let (train, test) = (capture.split("train").unwrap(), capture.split("test").unwrap());
+    let train = capture.split("train").unwrap();
+    let test = capture.split("test").unwrap();
     assert_eq!((train.cameras.len(), train.frames.len()), (6, 7));
     assert_eq!((test.cameras.len(), test.frames.len()), (2, 2));
     assert!(test.cameras.iter().all(|c| !train.cameras.contains(c)), "test cameras do not train");
@@ -122,7 +123,8 @@ fn creases_deepen_and_darken_where_a_joint_bends_and_nowhere_else() {
     let anatomy = &hand.anatomy;
     let finger = &anatomy.fingers[0];
     let relief = |pose: &Pose| hand.rest_with_folds(&skin::folds::Bend::of(anatomy, pose));
-    let (stretched, bent) = (relief(&index_finger(0.0)), relief(&index_finger(1.4)));
+    let stretched = relief(&index_finger(0.0));
+    let bent = relief(&index_finger(1.4));
     // Positive if the skin rises as the finger bends.
     let rise: Vec<f64> =
         (stretched.iter().zip(&bent).zip(&hand.normals)).map(|((a, b), n)| (*b - *a).dot(*n)).collect();
@@ -193,7 +195,8 @@ fn each_error_changes_only_what_it_is_an_error_of() {
     };
     let (exact, base) = make("base", options());
     let (_, bad_masks) = make("masks", SyntheticOptions { mask_noise_pixels: 1.0, ..options() });
-    let (train, test) = (exact.split("train").unwrap(), exact.split("test").unwrap());
+    let train = exact.split("train").unwrap();
+    let test = exact.split("test").unwrap();
     let is_train = |name: &String| train.cameras.iter().any(|&i| name.contains(&exact.cameras[i].id));
     let masks = differing(&base, &bad_masks);
     assert!(masks.iter().all(|name| name.starts_with("masks/") && is_train(name)), "{masks:?}");
@@ -256,7 +259,8 @@ fn a_light_from_the_side_leaves_the_far_side_dark() {
     images::cast_shadow::add_shadow(&mut posed, &setup);
     let light = setup.lights[0].direction;
     let part = |wanted: &dyn Fn(f64) -> bool| {
-        let (mut kept, mut count) = (0.0, 0.0);
+        let mut kept = 0.0;
+        let mut count = 0.0;
         for ((normal, now), before) in posed.normals.iter().zip(&posed.light_visibility).zip(&soft) {
             assert!(*now >= 0.0 && now <= before);
             if wanted(normal.dot(light)) {

@@ -115,7 +115,8 @@ mod tests {
             response: vec![0.0; 3],
             response_limits: vec![0.0; 6],
         };
-        let (joints, pose) = ([[0.0; 3]; 2], Pose { rotations: vec![DVec3::ZERO; 2], translation: DVec3::ZERO });
+        let joints = [[0.0; 3]; 2];
+        let pose = Pose { rotations: vec![DVec3::ZERO; 2], translation: DVec3::ZERO };
         let check = |tables: &DirectTables, joints: &[[f32; 3]], poses: &[Pose]| {
             check_hand(&tables.response, joints, poses)
                 .and_then(|()| check_gaussians(&PropertyTables::Direct(tables.clone())))

@@ -32,7 +32,8 @@ pub fn shrink(poses: &mut [Pose]) {
         let eigen = SymmetricEigen::new(Matrix3::from_column_slice(&covariance.to_cols_array()));
         let spread = DVec3::from_slice(eigen.eigenvalues.as_slice());
         let axes = DMat3::from_cols_slice(eigen.eigenvectors.as_slice());
-        let (noise, largest) = (spread.min_element(), spread.max_element());
+        let noise = spread.min_element();
+        let largest = spread.max_element();
         if !(largest > 0.0 && noise.max(0.0).sqrt() < FREE_RATIO * largest.sqrt()) {
             continue;
         }

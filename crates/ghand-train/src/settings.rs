@@ -271,7 +271,8 @@ impl TrainSettings {
         let (key, text) = assignment
             .split_once('=')
             .ok_or_else(|| fail(assignment, "must have the form key=value, as in iterations=3000".into()))?;
-        let (key, text) = (key.trim(), text.trim());
+        let key = key.trim();
+        let text = text.trim();
         let mut fields = serde_json::to_value(&*self).map_err(|e| fail(key, e.to_string()))?;
         let names: Vec<String> = fields.as_object().map(|o| o.keys().cloned().collect()).unwrap_or_default();
         let Some((rule, slot)) = rule(key).zip(fields.get_mut(key)) else {
@@ -366,7 +367,8 @@ impl TrainSettings {
     /// The first setting that differs: its name, its value here and its value there.
     pub fn first_difference(&self, other: &TrainSettings) -> Option<(String, String, String)> {
         let fields = |settings| serde_json::to_value(settings).ok();
-        let (here, there) = (fields(self)?, fields(other)?);
+        let here = fields(self)?;
+        let there = fields(other)?;
         let differs = |(key, value): (&String, &serde_json::Value)| {
             let other = there.get(key).filter(|other| *other != value)?;
             Some((key.clone(), value.to_string(), other.to_string()))

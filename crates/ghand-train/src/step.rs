@@ -119,7 +119,8 @@ impl Step {
         max_size: [u32; 2],
         mobility: &[f32],
     ) -> Result<Step, RenderError> {
-        let (count, joint_count) = (avatar.template.len(), avatar.template.joint_count());
+        let count = avatar.template.len();
+        let joint_count = avatar.template.joint_count();
         let mut scene = Scene::new(gpu, &[avatar], Purpose::Gradients, frames, max_size)?;
         let (splatter, avatars) = scene.splatter_and_avatars_mut();
         let posed = &mut avatars[0];
@@ -128,7 +129,8 @@ impl Step {
         let backward = posed.prepare_training(gpu, splatter.d_gaussians(), mobility)?;
         let deformation = &posed.deformation;
         let [offset_penalty, scale_penalty] = gpu.scoped("the penalties", || {
-            let (values, gradients) = (&deformation.properties().scale, &backward.gradients().scale);
+            let values = &deformation.properties().scale;
+            let gradients = &backward.gradients().scale;
             [
                 Penalty::new(gpu, deformation.offsets(), backward.d_offsets(), 3 * count),
                 Penalty::new(gpu, values, gradients, count),
@@ -136,7 +138,8 @@ impl Step {
         })?;
         let neighbors = neighbors(&avatar.template);
         let [color_roughness, offset_roughness] = gpu.scoped("the penalties on roughness", || {
-            let (colors, gradients) = (&deformation.properties().color, &backward.gradients().color);
+            let colors = &deformation.properties().color;
+            let gradients = &backward.gradients().color;
             [
                 Roughness::new(gpu, colors, gradients, 3, &neighbors, count),
                 Roughness::new(gpu, deformation.offsets(), backward.d_offsets(), 3, &neighbors, count),
@@ -245,7 +248,8 @@ impl Step {
         avatar: &'a PosedAvatar,
         frames: usize,
     ) -> [(&'static str, &'a wgpu::Buffer, usize); 4] {
-        let (joints, poses) = (3 * self.joint_count, frames * pose_stride(self.joint_count));
+        let joints = 3 * self.joint_count;
+        let poses = frames * pose_stride(self.joint_count);
         [
             ("hand.joints", avatar.deformation.joints(), joints),
             ("hand.joints.moments", &self.joints.moments, 2 * joints),
@@ -378,7 +382,8 @@ impl Step {
         gpu.queue.write_buffer(self.scene.splatter().d_image(), 0, bytemuck::cast_slice(&one));
         run_alone(&mut self.scene, gpu, |splatter, encoder| splatter.backward(encoder))?;
         let splatter = self.scene.splatter();
-        let (columns, row) = (splatter.count(), splatter.options().model.color_row());
+        let columns = splatter.count();
+        let row = splatter.options().model.color_row();
         let weights: Vec<f32> = buffers::read_from(gpu, splatter.d_gaussians(), row * columns, columns)?;
         seen.iter_mut().zip(&weights).for_each(|(sum, weight)| *sum += weight);
         Ok(())
@@ -489,7 +494,8 @@ impl Step {
     ) -> Result<StepTimes, RenderError> {
         let Some(view) = views.last() else { return Ok(vec![]) };
         let background = [0.0; 3];
-        let (start, host) = (Instant::now(), self.avatar().model.trainable()?.host_seconds());
+        let start = Instant::now();
+        let host = self.avatar().model.trainable()?.host_seconds();
         for view in views {
             let _ = self.add_gradients(gpu, view, value_count, background, settings, rates)?;
         }

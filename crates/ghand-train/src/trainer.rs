@@ -432,12 +432,15 @@ impl<'a> Trainer<'a> {
         let done = gpu
             .retry_on_device_loss("stage 2", |gpu| problem.run(gpu, &stage, &mut run, &mut progress))
             .map_err(name_setting)?;
-        let (iterations, stopped) = (stage.done + done.iterations, done.stopped);
+        let iterations = stage.done + done.iterations;
+        let stopped = done.stopped;
         let mut avatar = done.avatar;
         avatar.limit_response(&problem.seen_poses());
         let may_leave_out = !stopped && problem.settings.model == Model::Direct;
         if let Some(simplification) = problem.prepared.simplification.as_mut().filter(|_| may_leave_out) {
-            let (views, poses, reduction) = (&problem.views, &problem.prepared.poses, stage.reduction);
+            let views = &problem.views;
+            let poses = &problem.prepared.poses;
+            let reduction = stage.reduction;
             let visible = gpu.retry_on_device_loss("what nothing shows", |gpu| {
                 let images = (0..views.len()).map(|k| views.get(k, reduction).map(|view| (view.frame, view.camera)));
                 visible_gaussians(gpu, &avatar, poses, images, views.largest(reduction))
@@ -617,7 +620,8 @@ impl Problem {
 
     /// The initial avatar of a stage: the template's surface with mean texel colours, `inset` standard deviations deep.
     fn start(&self, gpu: &Gpu, settings: &TrainSettings, inset: f64) -> Result<Avatar, TrainError> {
-        let (capture, poses) = (&self.capture, &self.prepared.poses);
+        let capture = &self.capture;
+        let poses = &self.prepared.poses;
         let samples = required_texels(gpu, capture, &self.split, poses, settings.uv_resolution, settings.merge_below)?;
         let mut avatar =
             Avatar::untrained_at(&capture.template, &samples, &settings.avatar(), [0.5; 3], inset, settings.seed)?;

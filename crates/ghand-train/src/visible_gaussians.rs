@@ -55,7 +55,8 @@ pub(crate) fn visible_gaussians(
     let named = POSE_NAMES.iter().filter_map(|name| named_pose(name, model));
     for pose in named.chain(evenly(poses, POSES, 0)) {
         let [low, high] = bounds(model, &pose)?;
-        let (center, radius) = (0.5 * (low + high), 0.5 * (high - low).length());
+        let center = 0.5 * (low + high);
+        let radius = 0.5 * (high - low).length();
         scan.set_pose(&pose)?;
         for towards in directions().iter().step_by(DIRECTION_STEP) {
             if scan.add_view(&from_side(center, radius, *towards))?.is_break() {

@@ -57,7 +57,8 @@ fn camera_and_poses_equal_the_written_ones() {
 fn the_hand_is_projected_as_by_the_world_camera() {
     let folder = subject();
     let capture = Capture::open_with(folder.path(), &options()).unwrap().capture;
-    let (world, camera) = (&synthetic().frames[0].pose, &synthetic().cameras[0]);
+    let world = &synthetic().frames[0].pose;
+    let camera = &synthetic().cameras[0];
     let seen = pose_hand(mano(), &shape(), world).unwrap();
     let read = pose_hand(mano(), &capture.frames[0].shape, &capture.frames[0].pose).unwrap();
     let seen: Vec<DVec3> = seen.vertices.iter().map(|v| camera.camera_from_world(*v)).collect();

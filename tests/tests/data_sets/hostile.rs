@@ -246,7 +246,8 @@ fn ids_and_paths_cannot_leave_the_folder() {
 #[test]
 fn a_few_thousand_ids_do_not_become_millions_of_images() {
     let said = message(|v| {
-        let (camera, frame) = (v["cameras"][0].clone(), v["frames"][0].clone());
+        let camera = v["cameras"][0].clone();
+        let frame = v["frames"][0].clone();
         let with_id = |entry: &Value, k: usize| {
             let mut entry = entry.clone();
             entry["id"] = json!(k.to_string());

@@ -65,7 +65,8 @@ fn a_valid_capture_has_no_problems_and_its_true_poses_fit_best() {
     assert!(found.findings.is_empty(), "{:?}", found.findings);
     assert_eq!(found.files.sizes.iter().collect::<Vec<_>>(), [(&[128, 192], &22)]);
     assert_eq!(found.frames_with_truth, 5);
-    let (train, test) = (split(&found, "train"), split(&found, "test"));
+    let train = split(&found, "train");
+    let test = split(&found, "test");
     assert_eq!((train.images, train.views.len(), test.images, test.views.len()), (18, 18, 4, 4));
     assert_eq!(["train", "train5", "test"].map(|name| split(&found, name).is_part), [false, true, false]);
     let [given, truth] = [train.iou_given(), train.iou_true()].map(|spread| spread.unwrap());

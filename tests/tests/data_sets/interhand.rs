@@ -17,7 +17,8 @@ use crate::interhand_files::{InterHand, camera_id, number, open_after, options, 
 fn cameras_and_poses_equal_the_written_ones() {
     let (opened, folder) = open_after(|_| ());
     let opened = opened.unwrap();
-    let (capture, expected) = (opened.capture, synthetic());
+    let capture = opened.capture;
+    let expected = synthetic();
     assert_eq!((opened.skipped_images.total(), opened.skipped_images.checked), (0, 6 * 3 + 2 * 2));
     assert_eq!((capture.side, capture.background), (Side::Right, [0.0; 3]));
     assert_eq!(capture.hand_model_source, HandModelSource::Mano);
@@ -37,8 +38,8 @@ fn cameras_and_poses_equal_the_written_ones() {
     let shaped = shape_hand(mano(), &shape()).unwrap();
     assert!(difference(numbers(&capture.template.joints), numbers(&shaped.joints)) <= 1e-12);
     // The image of each pair is the one written for it.
-    let (camera, frame) =
-        (capture.camera_index(&camera_id(2)).unwrap(), capture.frame_index("ROM04_RT_Occlusion/20003"));
+    let camera = capture.camera_index(&camera_id(2)).unwrap();
+    let frame = capture.frame_index("ROM04_RT_Occlusion/20003");
     let view = capture.splits["train"].views.iter().find(|v| v.camera == camera && Some(v.frame) == frame);
     if let Some(view) = view {
         let file = right().image_file(folder.path(), 0, 2, 1);
@@ -49,7 +50,8 @@ fn cameras_and_poses_equal_the_written_ones() {
 
 #[test]
 fn the_root_rotates_about_the_wrist_joint_and_trans_is_added_last() {
-    let (turn, trans) = (DVec3::new(0.4, -1.2, 0.7), DVec3::new(0.1, -0.3, 1.1));
+    let turn = DVec3::new(0.4, -1.2, 0.7);
+    let trans = DVec3::new(0.1, -0.3, 1.1);
     let mut rotations = vec![DVec3::ZERO; 16];
     rotations[0] = turn;
     let pose = Pose { rotations, translation: trans };
@@ -59,7 +61,8 @@ fn the_root_rotates_about_the_wrist_joint_and_trans_is_added_last() {
     let frame = &capture.frames[capture.frame_index("ROM04_RT_Occlusion/20000").unwrap()];
     let posed = pose_hand(&capture.hand_model, &frame.shape, &frame.pose).unwrap();
     let shaped = shape_hand(mano(), &shape()).unwrap();
-    let (rotation, wrist) = (rotation_from_axis_angle(turn), shaped.joints[0]);
+    let rotation = rotation_from_axis_angle(turn);
+    let wrist = shaped.joints[0];
     let about = |center: DVec3| -> Vec<DVec3> {
         shaped.vertices.iter().map(|v| rotation * (*v - center) + center + trans).collect()
     };

@@ -114,8 +114,10 @@ impl InterHand {
 
     /// File of an image of the synthetic capture; `sequence` is 0 for training, 1 for testing.
     pub fn image_file(&self, root: &Path, sequence: usize, camera: usize, frame: usize) -> PathBuf {
-        let (folder, sequence) = (self.image_folder, &self.sequences()[sequence]);
-        let (camera, number) = (camera_id(camera), number(frame));
+        let folder = self.image_folder;
+        let sequence = &self.sequences()[sequence];
+        let camera = camera_id(camera);
+        let number = number(frame);
         root.join(format!("{folder}/test/Capture0/{sequence}/cam{camera}/image{number}.jpg"))
     }
 }

@@ -69,7 +69,8 @@ fn corpus_captures_and_changed_copies_give_a_valid_capture_or_an_error() {
                 let joints = capture.hand_model.joint_count();
                 assert!(capture.frames.iter().all(|f| f.pose.rotations.len() == joints));
                 assert!(capture.frames.iter().flat_map(|f| &f.pose.rotations).all(|r| r.is_finite()));
-                let (cameras, frames) = (capture.cameras.len(), capture.frames.len());
+                let cameras = capture.cameras.len();
+                let frames = capture.frames.len();
                 let views = || capture.splits.values().flat_map(|s| &s.views);
                 assert!(views().all(|v| v.camera < cameras && v.frame < frames));
                 assert!(views().all(|v| capture.image_file(v.camera, v.frame).unwrap().starts_with("/nowhere")));

@@ -163,7 +163,8 @@ pub fn run(args: &MakeCaptureArgs, adapter: &AdapterArgs) -> anyhow::Result<()> 
         Ok(make_capture(gpu, &options, &args.out)?)
     })?;
     let images = options.views * options.train_frames + options.test_views * options.test_frames;
-    let (folder, seconds) = (args.out.display(), start.elapsed().as_secs_f64());
+    let folder = args.out.display();
+    let seconds = start.elapsed().as_secs_f64();
     say!("{folder}: {images} images of {width} x {height} in {seconds:.1} s");
     match options.format {
         CaptureFormat::Ghand => say!("train on it: train --capture {folder}"),

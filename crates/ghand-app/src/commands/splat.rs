@@ -205,7 +205,8 @@ fn gradients(gpu: &Gpu, splatter: &Splatter, weights: &[[f32; 4]], degree: u32) 
     let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     splatter.backward(&mut encoder);
     gpu.queue.submit([encoder.finish()]);
-    let (model, count) = (splatter.options().model, splatter.count());
+    let model = splatter.options().model;
+    let count = splatter.count();
     let table: Vec<f32> = buffers::read(gpu, splatter.d_gaussians(), model.rows() * count)?;
     // The tensors are by Gaussian.
     let by_gaussian = |rows: std::ops::Range<usize>| -> Vec<u8> {
@@ -215,7 +216,9 @@ fn gradients(gpu: &Gpu, splatter: &Splatter, weights: &[[f32; 4]], degree: u32) 
             .collect()
     };
     let functions = (degree as usize + 1).pow(2);
-    let (rotation, opacity, color) = (model.rotation_row(), model.opacity_row(), model.color_row());
+    let rotation = model.rotation_row();
+    let opacity = model.opacity_row();
+    let color = model.color_row();
     let parts = [
         ("means", 0..3, vec![count, 3]),
         ("log_scales", SplatModel::SCALE_ROW..rotation, vec![count, 3]),

@@ -32,7 +32,8 @@ impl LiveViewer {
     fn with_program(program: PathBuf, folder: &Path, checkpoints: &Path) -> LiveViewer {
         // One is written while one waits; others are dropped.
         let (sender, avatars) = sync_channel(1);
-        let (folder, file) = (folder.to_owned(), checkpoints.join(PREVIEW_AVATAR));
+        let folder = folder.to_owned();
+        let file = checkpoints.join(PREVIEW_AVATAR);
         let writer = std::thread::spawn(move || write_all(&avatars, &file, &program, &folder));
         LiveViewer { avatars: Some(sender), writer: Some(writer) }
     }
@@ -106,7 +107,8 @@ mod tests {
     #[test]
     fn the_viewer_opens_once_with_the_first_avatar_and_nobody_waits_for_it() {
         let folder = tempfile::tempdir().unwrap();
-        let (opened, program) = (folder.path().join("opened"), folder.path().join("viewer"));
+        let opened = folder.path().join("opened");
+        let program = folder.path().join("viewer");
         // It never ends by itself, like a window.
         std::fs::write(&program, "#!/bin/sh\ntest -f \"$1/preview.ghand\" && echo \"$1\" >>\"$1/opened\"\nsleep 5\n")
             .unwrap();

@@ -125,7 +125,8 @@ impl Page<'_> {
         let different = pairs.filter(|(here, default)| here != default);
         different
             .filter_map(|(here, default)| {
-                let ([key, value], [_, default]) = (split(&here)?, split(&default)?);
+                let [key, value] = split(&here)?;
+                let [_, default] = split(&default)?;
                 Some([key, value, default])
             })
             .collect()

@@ -252,7 +252,8 @@ pub fn last_avatar() -> Option<PathBuf> {
 }
 
 fn last_avatar_beside(base: &Path) -> Option<PathBuf> {
-    let (parent, start) = (base.parent()?, base.file_name()?.to_str()?);
+    let parent = base.parent()?;
+    let start = base.file_name()?.to_str()?;
     let folders = std::fs::read_dir(parent).ok()?.flatten();
     let runs = folders.filter(|folder| folder.file_name().to_str().is_some_and(|name| name.starts_with(start)));
     let avatars = runs.map(|folder| folder.path().join(AVATAR_FILE)).filter_map(|file| {

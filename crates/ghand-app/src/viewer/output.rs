@@ -45,7 +45,8 @@ impl OutputPlan {
         let behind = stage.canvas().shown().map_or([0.0; 3], |shown| shown.background);
         let background = if asked.transparent { Background::Transparent } else { Background::Color(behind) };
         let inputs = |camera| stage::inputs(document.subject(), camera, background.color());
-        let (size, camera) = (asked.size, stage.camera());
+        let size = asked.size;
+        let camera = stage.camera();
         let mut fps = DEFAULT_FPS;
         let pictures = match asked.kind {
             OutputKind::Picture => vec![inputs(camera.camera(size))],
@@ -97,11 +98,13 @@ impl OutputJob {
     /// One sentence if the file's name is not that of a picture or a film, or it cannot be written.
     pub fn start(gpu: &Gpu, plan: OutputPlan, path: &Path, context: &Context) -> anyhow::Result<OutputJob> {
         let destination = FormatArgs::default().destination(path, "film")?;
-        let (made, stop) = (Arc::new(AtomicUsize::new(0)), Arc::new(AtomicBool::new(false)));
+        let made = Arc::new(AtomicUsize::new(0));
+        let stop = Arc::new(AtomicBool::new(false));
         let (sender, done) = channel();
         let job =
             OutputJob { path: path.into(), count: plan.pictures.len(), made: made.clone(), stop: stop.clone(), done };
-        let (gpu, context) = (gpu.clone(), context.clone());
+        let gpu = gpu.clone();
+        let context = context.clone();
         std::thread::spawn(move || {
             // A device of its own: the window's cannot be resized while another thread keeps it busy.
             let result = gpu.reopen().map_err(anyhow::Error::from).and_then(|gpu| {

@@ -64,7 +64,8 @@ fn harder_captures_differ_by_what_their_options_say() {
     };
     let of_kind =
         |names: &[String], kind: &str| names.iter().filter(|name| name.starts_with(kind)).count() == names.len();
-    let (masks, light) = (differing(&masks), differing(&light));
+    let masks = differing(&masks);
+    let light = differing(&light);
     assert!(masks.len() == 4 && of_kind(&masks, "masks/"), "{masks:?}");
     assert!(light.len() == 5 && of_kind(&light, "images/"), "{light:?}");
     assert_eq!(differing(&bias), ["capture.json"]);

@@ -16,7 +16,8 @@ fn save_weights(path: &Path) {
     let convolutions =
         [(0, [64, 3, 11]), (3, [192, 64, 5]), (6, [384, 192, 3]), (8, [256, 384, 3]), (10, [256, 256, 3])];
     let mut rng = ChaCha8Rng::seed_from_u64(1);
-    let (mut header, mut data) = (json!({"__metadata__": {"lpips_backbone": "alex"}}), Vec::<u8>::new());
+    let mut header = json!({"__metadata__": {"lpips_backbone": "alex"}});
+    let mut data = Vec::<u8>::new();
     let mut add = |name: String, shape: &[usize], least: f32, most: f32| {
         let start = data.len();
         (0..shape.iter().product()).for_each(|_| data.extend(rng.random_range(least..most).to_le_bytes()));

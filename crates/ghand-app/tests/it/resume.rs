@@ -153,7 +153,8 @@ fn an_interrupted_run_goes_on_as_it_was_started_and_refuses_anything_else() {
     std::thread::sleep(Duration::from_secs(8));
     Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
     let output = child.wait_with_output().unwrap();
-    let (said, told) = (text(&output.stdout), text(&output.stderr));
+    let said = text(&output.stdout);
+    let told = text(&output.stderr);
     assert!(told.contains("damaged") && told.contains("going on from the one before"), "{told}");
     assert!(said.contains("going on after"), "{said}{told}");
     for file in checkpoints(&folder.path().join("run")) {
@@ -244,7 +245,8 @@ fn a_full_disk_does_not_stop_training_and_the_avatar_is_saved_when_there_is_room
     assert!(!disk.0.join("avatar.ghand").exists(), "there was room");
     std::fs::remove_file(&filler).unwrap();
     let output = child.wait_with_output().unwrap();
-    let (said, told) = (text(&output.stdout), text(&output.stderr));
+    let said = text(&output.stdout);
+    let told = text(&output.stderr);
     assert!(told.contains("cannot write the checkpoint") && told.contains("training goes on"), "{said}{told}");
     assert!(told.contains("there is no room on the disk; waiting"), "{said}{told}");
     assert!(said.contains("avatar: run/avatar.ghand"), "{said}{told}");

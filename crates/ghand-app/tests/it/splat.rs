@@ -102,7 +102,8 @@ fn the_gradient_is_that_of_the_stored_numbers() {
     for (gradient, columns) in parts {
         let largest = gradient.iter().fold(0.0, |m: f64, g| m.max(g.abs()));
         for (k, analytic) in gradient.iter().enumerate() {
-            let (gaussian, column) = (k / columns.len(), columns[k % columns.len()]);
+            let gaussian = k / columns.len();
+            let column = columns[k % columns.len()];
             let shifted = |h: f64| {
                 let mut scene = numbers();
                 scene[gaussian][column] += h;

@@ -133,7 +133,8 @@ fn a_run_stopped_in_stage_2_saves_and_evaluates_its_avatar_and_says_so() {
         let child = start(folder.path(), &options, "stage 2");
         send(signal, &child);
         let output = child.wait_with_output().unwrap();
-        let (said, warned) = (text(&output.stdout), text(&output.stderr));
+        let said = text(&output.stdout);
+        let warned = text(&output.stderr);
         assert_eq!(output.status.code(), Some(130), "{said}{warned}");
         assert!(said.contains("stopped early, after") && said.contains("PSNR"), "{said}");
         assert!(warned.contains("stopping after this iteration"), "{warned}");
@@ -142,7 +143,8 @@ fn a_run_stopped_in_stage_2_saves_and_evaluates_its_avatar_and_says_so() {
         assert!(warned.contains("go on with `train --resume --out run`"), "{warned}");
         // All but align.png, which only align=contours makes.
         assert_eq!(listing(&run), [&RESULTS[1..2], &["checkpoints"], &RESULTS[2..]].concat());
-        let (metrics, avatar) = (metrics(&run), Avatar::load(&run.join("avatar.ghand")).unwrap());
+        let metrics = metrics(&run);
+        let avatar = Avatar::load(&run.join("avatar.ghand")).unwrap();
         let iterations = metrics["iterations"].as_u64().unwrap();
         assert_eq!(metrics["stopped_early"], true);
         assert!((1..1_000_000).contains(&iterations), "{iterations}");

@@ -45,7 +45,8 @@ fn ball(radius: f64) -> String {
     };
     for k in 0..count {
         // Points of a spiral from pole to pole.
-        let (height, turn) = (2.0 * (f64::from(k) + 0.5) / f64::from(count) - 1.0, 2.4 * f64::from(k));
+        let height = 2.0 * (f64::from(k) + 0.5) / f64::from(count) - 1.0;
+        let turn = 2.4 * f64::from(k);
         let ring = (1.0 - height * height).sqrt();
         add([7.0 + radius * ring * turn.cos(), -3.0 + radius * height, 20.0 + radius * ring * turn.sin()]);
     }
@@ -103,7 +104,8 @@ fn a_capture_is_seen_through_its_first_camera_in_the_pose_of_its_first_frame() {
         let is_skin = |x: u32, p: &image::Rgb<u8>| x > 262 && p.0[0] > p.0[2].saturating_add(30);
         picture.enumerate_pixels().filter(|(x, _, p)| is_skin(*x, p)).map(|(x, y, _)| [x, y]).collect::<Vec<_>>()
     };
-    let (alone, captured) = (shot(&[]), shot(&["--capture", "capture"]));
+    let alone = shot(&[]);
+    let captured = shot(&["--capture", "capture"]);
     assert_ne!(alone, captured);
     assert!(captured.len() > 3000, "{} pixels of a hand", captured.len());
     // The capture's cameras look at its hand: so it is inside their upright picture, which has the window's height.
@@ -143,7 +145,8 @@ fn without_a_driver_a_box_and_stderr_say_what_to_install() {
 
     // Stands for the program that shows boxes on the desktop.
     let folder = tempfile::tempdir().unwrap();
-    let (program, noted) = (folder.path().join("zenity"), folder.path().join("box.txt"));
+    let program = folder.path().join("zenity");
+    let noted = folder.path().join("box.txt");
     std::fs::write(&program, format!("#!/bin/sh\nprintf '%s\\n' \"$@\" > '{}'\n", noted.display())).unwrap();
     std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755)).unwrap();
     let run = |arguments: &[&str]| {
@@ -154,7 +157,8 @@ fn without_a_driver_a_box_and_stderr_say_what_to_install() {
         command.env("XDG_RUNTIME_DIR", folder.path()).output().unwrap()
     };
     let output = run(&[]);
-    let (told, boxed) = (String::from_utf8_lossy(&output.stderr), std::fs::read_to_string(&noted).unwrap());
+    let told = String::from_utf8_lossy(&output.stderr);
+    let boxed = std::fs::read_to_string(&noted).unwrap();
     assert_eq!(output.status.code(), Some(1), "{told}");
     for part in ["mesa-vulkan-drivers", "vulkan-swrast", "vulkaninfo"] {
         assert!(told.contains(part) && boxed.contains(part), "{part}: {told}\n{boxed}");

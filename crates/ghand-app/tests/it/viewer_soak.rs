@@ -297,7 +297,8 @@ fn soak(length: Duration, seed: u64) -> Counts {
     let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap();
     let subject = Subject::read(&user.files[0], &Default::default()).unwrap();
     let mut viewer = Viewer::new(&gpu, subject, "test".into()).unwrap();
-    let (start, mut counts) = (Instant::now(), Counts::default());
+    let start = Instant::now();
+    let mut counts = Counts::default();
     viewer
         .retry_on_device_loss(|viewer| session(viewer, &mut user, [start, start + length], &mut counts))
         .unwrap_or_else(|error| panic!("seed {seed}, after {} actions: {error:#}", counts.actions));

@@ -52,7 +52,8 @@ impl Desk {
             .unwrap();
         let mut number = String::new();
         BufReader::new(server.stdout.take().unwrap()).read_line(&mut number).unwrap();
-        let (server, display) = (Running(server), format!(":{}", number.trim()));
+        let server = Running(server);
+        let display = format!(":{}", number.trim());
         let settings = folder.path().join("ghand");
         std::fs::create_dir(&settings).unwrap();
         let recent: Vec<String> = recent.iter().map(|path| format!("{:?}", path.display().to_string())).collect();

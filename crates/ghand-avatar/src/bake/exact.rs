@@ -35,7 +35,8 @@ impl ExactPoses {
     ) -> Result<Vec<[f32; VALUES]>, RenderError> {
         self.hand.set_pose(gpu, pose)?;
         let table = self.hand.table(gpu)?;
-        let (n, properties) = (ordered.order.len(), self.hand.properties());
+        let n = ordered.order.len();
+        let properties = self.hand.properties();
         let scale: Vec<f32> = buffers::read(gpu, &properties.scale, n)?;
         let color: Vec<f32> = buffers::read(gpu, &properties.color, 3 * n)?;
         let one = |i: usize| {

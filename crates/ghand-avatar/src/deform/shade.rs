@@ -75,7 +75,8 @@ impl Shade {
     pub fn set(&self, gpu: &Gpu, frame: usize, shades: &[[f32; 3]]) -> Result<(), RenderError> {
         let vertices = self.buffers.vertex_count;
         if frame >= self.frames || shades.len() != vertices {
-            let (given, frames) = (shades.len(), self.frames);
+            let given = shades.len();
+            let frames = self.frames;
             let problem = format!("{given} shades for {vertices} vertices in frame {frame} of {frames}");
             return Err(RenderError::Invalid(problem));
         }

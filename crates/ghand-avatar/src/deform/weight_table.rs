@@ -31,7 +31,8 @@ pub fn weight_table(weights: &[f32], joints: usize) -> Vec<f32> {
 
 /// Where each list begins and the last one ends, and the lists.
 fn lists(lists: impl Iterator<Item = Vec<usize>>) -> Vec<f32> {
-    let (mut starts, mut all) = (vec![0.0], vec![]);
+    let mut starts = vec![0.0];
+    let mut all = vec![];
     for list in lists {
         all.extend(list.into_iter().map(|number| number as f32));
         starts.push(all.len() as f32);
@@ -46,7 +47,8 @@ mod tests {
     #[test]
     fn joints_and_blocks_are_listed_where_there_are_weights() {
         // 70 Gaussians, three blocks; joint 1 has weights in the first and the last, joint 4 in the last, 0 everywhere.
-        let (count, joints) = (70, 5);
+        let count = 70;
+        let joints = 5;
         let mut weights = vec![0.0; joints * count];
         weights[..count].fill(0.5);
         weights[count + 31] = 0.5;

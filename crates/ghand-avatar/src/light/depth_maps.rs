@@ -129,7 +129,8 @@ impl DepthMaps {
         let first = (row * self.stride + column).to_array();
         let mut depths = [[f32::NEG_INFINITY; LANES]; 4];
         for lane in 0..LANES {
-            let (map, above) = (&self.depths[lane], usize::from(first[lane] as u16));
+            let map = &self.depths[lane];
+            let above = usize::from(first[lane] as u16);
             let below = above + self.strides[lane];
             if let (Some([a, b]), Some([c, d])) = (map.get(above..above + 2), map.get(below..below + 2)) {
                 [depths[0][lane], depths[1][lane], depths[2][lane], depths[3][lane]] = [*a, *b, *c, *d];
@@ -195,7 +196,9 @@ impl Triangle {
     /// Draws it on the map of one light.
     #[inline]
     fn draw(&self, lane: usize, stride: usize, depths: &mut [f32]) {
-        let (first, columns, rows) = (self.first[lane] as u16, self.columns[lane] as u8, self.rows[lane] as u8);
+        let first = self.first[lane] as u16;
+        let columns = self.columns[lane] as u8;
+        let rows = self.rows[lane] as u8;
         let splat = |plane: usize, part: usize| Vec4::splat(self.planes[plane][part][lane]);
         let downs = [splat(0, 2), splat(1, 2), splat(2, 2), splat(3, 2)];
         let mut column = 0;
@@ -246,7 +249,8 @@ mod tests {
     fn only_sides_that_look_away_from_the_light_hide_what_is_below_them() {
         for (underside, expected) in [(true, 0.0), (false, 1.0)] {
             // A plate above a point, and a lower one far to the side of the light.
-            let (mut places, mut faces) = (vec![], vec![]);
+            let mut places = vec![];
+            let mut faces = vec![];
             for (vertices, triangles) in [square(0.02, 0.03, !underside), square(0.05, 0.0, true)] {
                 let first = places.len() as u32;
                 faces.extend(triangles.map(|t| t.map(|corner| corner + first)));

@@ -80,9 +80,11 @@ mod tests {
             gloss.iter().map(|g| f64::from(g[1])).sum::<f64>() / gloss.len() as f64
         };
         assert_eq!(mean(&light, middle + DVec3::X), 0.0);
-        let (lamp, eye) = (DVec3::new(0.6, -0.8, 0.0), DVec3::new(0.6, 0.8, 0.0));
+        let lamp = DVec3::new(0.6, -0.8, 0.0);
+        let eye = DVec3::new(0.6, 0.8, 0.0);
         light.coefficients[toward(lamp)] = [64.0; 3];
-        let (opposite, aside) = (mean(&light, middle + eye), mean(&light, middle - eye));
+        let opposite = mean(&light, middle + eye);
+        let aside = mean(&light, middle - eye);
         assert!(opposite > 2.0 * aside && opposite > 0.0, "{opposite} {aside}");
     }
 

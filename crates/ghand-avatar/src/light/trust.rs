@@ -119,7 +119,8 @@ mod tests {
 
     #[test]
     fn trust_changes_smoothly_between_normals() {
-        let (trust, towards) = (half(DVec3::Z), directions());
+        let trust = half(DVec3::Z);
+        let towards = directions();
         let at = |degrees: f64| trust.at(DQuat::from_rotation_x(degrees.to_radians()) * DVec3::Z, &towards);
         assert!(at(0.0) > 0.999 && at(180.0) < 0.001, "{} {}", at(0.0), at(180.0));
         for degrees in 0..180 {

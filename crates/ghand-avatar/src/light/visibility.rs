@@ -116,7 +116,9 @@ mod tests {
             let normals = model.vertex_normals(&vertices);
             let chosen = [3, 20, 41, 60];
             let columns = vertex_transfers(&model.faces, &vertices, &normals, &directions(), &|k| chosen.contains(&k));
-            let (mut agree, mut count, mut hidden) = (0.0, 0.0, 0.0);
+            let mut agree = 0.0;
+            let mut count = 0.0;
+            let mut hidden = 0.0;
             for (k, column) in columns.iter().enumerate() {
                 assert_eq!(column.len(), if chosen.contains(&k) { vertices.len() } else { 0 });
             }

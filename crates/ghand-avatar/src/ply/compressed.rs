@@ -64,7 +64,9 @@ pub(super) fn parse(bytes: &[u8], header: &Header) -> Result<SplatScene, Problem
         return problem("format", "is ascii, but packed numbers are binary; save it as binary_little_endian");
     }
     let mut data = bytes.get(header.end..).unwrap_or_default();
-    let (mut chunks, mut vertices, mut harmonics) = (None, None, None);
+    let mut chunks = None;
+    let mut vertices = None;
+    let mut harmonics = None;
     for element in &header.elements {
         if let Some(unreadable) = &element.unreadable {
             return Err(unreadable.clone());
@@ -122,7 +124,8 @@ pub(super) fn parse(bytes: &[u8], header: &Header) -> Result<SplatScene, Problem
             }
             _ => {
                 // The file orders them by channel, the table by function.
-                let (function, channel) = ((row - 14) / 3, (row - 14) % 3);
+                let function = (row - 14) / 3;
+                let channel = (row - 14) % 3;
                 let column = rest_columns[channel * (rest / 3) + function];
                 let byte = harmonics.as_ref().map_or(0.0, |rows| rows.value(i, column));
                 LARGEST_HARMONIC * (2.0 * harmonic_part(byte) - 1.0)

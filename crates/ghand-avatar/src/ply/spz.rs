@@ -47,7 +47,10 @@ pub(super) fn parse(bytes: &[u8]) -> Result<SplatScene, Problem> {
         return problem("header", "is not that of an SPZ file; copy it again, or give another kind of scene");
     }
     let word = |k: usize| header[4 * k..].first_chunk::<4>().map_or(0, |word| u32::from_le_bytes(*word));
-    let (version, count, degree, fraction) = (word(1), word(2) as usize, header[12], header[13]);
+    let version = word(1);
+    let count = word(2) as usize;
+    let degree = header[12];
+    let fraction = header[13];
     if !(1..=3).contains(&version) {
         return problem("version", format!("is {version}; versions 1 to 3 are read, convert the scene to .ply"));
     }

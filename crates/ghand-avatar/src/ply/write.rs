@@ -27,7 +27,8 @@ impl SplatScene {
     /// opaque Gaussians with view-independent colour get three sizes, equal unless they are flat, a rotation from the z
     /// axis to their normal, the logit of [`EXPORTED_OPACITY`], and harmonics of degree 0.
     pub fn of_hand(table: &[f32], shape: Shape) -> SplatScene {
-        let (hand, model) = (SplatModel { shape, ..SplatModel::HAND }, SplatModel::trained(0));
+        let hand = SplatModel { shape, ..SplatModel::HAND };
+        let model = SplatModel::trained(0);
         let count = table.len() / hand.rows();
         let row = |row: usize| table.iter().skip(row * count).take(count).copied();
         let mut scene = Vec::with_capacity(model.rows() * count);
@@ -62,7 +63,9 @@ impl SplatScene {
     pub fn to_ply(&self) -> Vec<u8> {
         let model = self.model();
         let rest = model.color_bases() - 1;
-        let (rotation, opacity, color) = (model.rotation_row(), model.opacity_row(), model.color_row());
+        let rotation = model.rotation_row();
+        let opacity = model.opacity_row();
+        let color = model.color_row();
         // Name and table row of each property; normals have no row.
         let named = |name: &str, rows: std::ops::Range<usize>| -> Vec<(String, Option<usize>)> {
             rows.enumerate().map(|(k, row)| (format!("{name}_{k}"), Some(row))).collect()

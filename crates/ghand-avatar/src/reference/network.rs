@@ -54,7 +54,8 @@ impl Map {
 
 /// `weight` is `[outputs][inputs][kernel][kernel]`.
 fn conv(x: &Map, weight: &[f64], kernel: usize, stride: usize) -> Map {
-    let (side, inputs) = (x.side / stride, x.channels());
+    let side = x.side / stride;
+    let inputs = x.channels();
     let outputs = weight.len() / (inputs * kernel * kernel);
     let padding = (kernel as isize - 1) / 2;
     let mut values = Vec::new();
@@ -80,7 +81,8 @@ fn conv(x: &Map, weight: &[f64], kernel: usize, stride: usize) -> Map {
 
 /// `weight` is `[inputs][outputs][4][4]`: every input texel is spread over 4 x 4 output texels around it.
 fn conv_transposed(x: &Map, weight: &[f64], bias: Option<&[f64]>) -> Map {
-    let (side, inputs) = (2 * x.side, x.channels());
+    let side = 2 * x.side;
+    let inputs = x.channels();
     let outputs = weight.len() / (inputs * 16);
     let mut values = vec![0.0; outputs * side * side];
     for i in 0..inputs {

@@ -108,7 +108,9 @@ fn a_baked_avatar_is_where_the_avatar_is() {
     let plain = |keep: usize, precision: Precision| {
         let baked = bake.avatar(keep, precision);
         let n = baked.template.len();
-        let (mut places, mut colors, mut count) = (0.0, 0.0, 0.0f64);
+        let mut places = 0.0;
+        let mut colors = 0.0;
+        let mut count = 0.0f64;
         for pose in &held_out {
             let [exact, found] = [&avatar, &baked].map(|avatar| table(&gpu, avatar, pose));
             for (i, p) in bake.order().iter().enumerate() {
@@ -206,7 +208,8 @@ fn changed_files_are_read_or_rejected() {
     // The sizes, names and places of all tensors.
     let header = 8 + u64::from_le_bytes(bytes[..8].try_into().unwrap()) as usize;
     let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(4);
-    let (mut read, mut rejected) = (0, 0);
+    let mut read = 0;
+    let mut rejected = 0;
     for k in 0..1500 {
         let mut changed = bytes.clone();
         for _ in 0..rng.random_range(1..=3) {

@@ -65,7 +65,8 @@ fn gloss_is_that_of_the_frame_and_the_eye() {
     let matte = avatar(GaussianShape::Flat, None);
     let brightness = |picture: &[[f32; 4]]| picture.iter().map(|p| f64::from(p[0] + p[1] + p[2])).sum::<f64>();
     let all = [(0, false), (0, true), (1, true), (1, false), (0, false)];
-    let (shiny, dull) = (pictures(&gpu, &glossy(), &all), pictures(&gpu, &matte, &all));
+    let shiny = pictures(&gpu, &glossy(), &all);
+    let dull = pictures(&gpu, &matte, &all);
     let gains: Vec<f64> = shiny.iter().zip(&dull).map(|(shiny, dull)| brightness(shiny) / brightness(dull)).collect();
     // Never darker, and different from each side in each pose.
     assert!(gains.iter().all(|gain| *gain > 1.002), "{gains:?}");
@@ -114,7 +115,8 @@ fn a_posed_hand_is_that_of_a_scene_and_its_twin_has_the_same_light() {
 #[test]
 fn round_gaussians_stay_round_among_flat_ones() {
     let gpu = gpu();
-    let (round, flat) = (avatar(GaussianShape::Round, None), avatar(GaussianShape::Flat, None));
+    let round = avatar(GaussianShape::Round, None);
+    let flat = avatar(GaussianShape::Flat, None);
     let count = round.template.len();
     let mut scene = Scene::new(&gpu, &[&round, &flat], Purpose::Images, 1, [64, 64]).unwrap();
     for hand in 0..2 {

@@ -103,7 +103,8 @@ impl Host {
     fn picture(&self, gpu: &Gpu, scene: &mut Scene, pass: &TexturePass, wall: f32, depth: DepthTarget) -> Vec<[u8; 4]> {
         let layer = pass.layer(gpu, scene.splatter()).unwrap();
         pass.set_place(gpu, &layer, [0; 2], SIZE, [0.0; 3]);
-        let (color, deep) = (self.texture(COLOR), self.texture(DEPTH));
+        let color = self.texture(COLOR);
+        let deep = self.texture(DEPTH);
         let [color_view, depth_view] = [&color, &deep].map(|t| t.create_view(&Default::default()));
         let mut encoder = self.device.create_command_encoder(&Default::default());
         scene.encode_growing(gpu, &mut encoder).unwrap();

@@ -95,7 +95,8 @@ fn untrained_networks_look_exactly_like_untrained_tables() {
             let poses = [bent(0.7, avatar.template.joint_count())];
             properties(&gpu, &mut scene_of(&gpu, &avatar, &poses, Purpose::Images), 0)
         };
-        let (direct, network) = (of(None), of(Some(sizes)));
+        let direct = of(None);
+        let network = of(Some(sizes));
         assert!(direct[0].iter().any(|v| *v != 0.0) && direct[2].contains(&1.0));
         for (k, (a, b)) in direct.iter().zip(&network).enumerate() {
             assert_eq!(a.len(), b.len());

@@ -31,10 +31,12 @@ fn on_device(avatar: &Avatar, pose: &Pose, d_gaussians: &[f32]) -> Outcome {
     let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
     let mut scene = Scene::new(&gpu, &[avatar], Purpose::Gradients, 2, [16, 16]).unwrap();
     let (splatter, avatars) = scene.splatter_and_avatars_mut();
-    let (gaussians, on_device) = (splatter.gaussians(), splatter.d_gaussians());
+    let gaussians = splatter.gaussians();
+    let on_device = splatter.d_gaussians();
     let posed = &mut avatars[0];
     let backward = posed.prepare_training(&gpu, on_device, &[1.0; JOINTS]).unwrap();
-    let (properties, d) = (posed.deformation.properties(), backward.gradients());
+    let properties = posed.deformation.properties();
+    let d = backward.gradients();
     let mut offset_penalty = Penalty::new(&gpu, posed.deformation.offsets(), backward.d_offsets(), 3 * COUNT);
     let mut scale_penalty = Penalty::new(&gpu, &properties.scale, &d.scale, COUNT);
     offset_penalty.set_weight(&gpu, OFFSET_WEIGHT);
@@ -91,7 +93,8 @@ fn relative_error(a: &[f64], b: &[f64]) -> f64 {
 fn assert_some_are_limited(avatar: &Avatar, pose: &Pose) {
     let response = tables_of(avatar).pose_response(avatar.config.channels());
     let features = pose_features(pose);
-    let (free, held) = (response.unlimited_terms(&features), response.joint_terms(&features));
+    let free = response.unlimited_terms(&features);
+    let held = response.joint_terms(&features);
     // Except the root, whose term is constant.
     let limited = free.iter().zip(&held).enumerate().filter(|(i, (a, b))| i % JOINTS != 0 && a != b).count();
     assert!((5..free.len() - 10).contains(&limited), "{limited} of {} terms are limited", free.len());

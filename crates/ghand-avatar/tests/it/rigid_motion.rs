@@ -54,7 +54,8 @@ fn root_motion_moves_all_gaussians_rigidly_and_keeps_sizes_and_colours() {
         pose.translation = drawn[1] * 0.5;
         let after = posed(&gpu, &mut scene, &pose);
 
-        let (rotation, joint) = (rotation_from_axis_angle(turn), avatar.template.joints[0]);
+        let rotation = rotation_from_axis_angle(turn);
+        let joint = avatar.template.joints[0];
         let point = |table: &[f32], p: usize| DVec3::from_array([0, 1, 2].map(|c| f64::from(table[c * COUNT + p])));
         for p in 0..COUNT {
             let expected = rotation * (point(&before, p) - joint) + joint + pose.translation;

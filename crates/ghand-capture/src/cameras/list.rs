@@ -169,7 +169,8 @@ mod tests {
     #[test]
     fn undistorted_pixels_are_those_that_the_lens_moves_to_where_they_were_seen() {
         let lens = read(&format!("{{\"cameras\":[{CAMERA}]}}")).unwrap().remove(0);
-        let (camera, distortion) = (&lens.camera, lens.distortion.unwrap());
+        let camera = &lens.camera;
+        let distortion = lens.distortion.unwrap();
         for pixel in [DVec2::new(32.0, 24.0), DVec2::new(3.0, 40.0), DVec2::new(63.0, 1.0)] {
             let ray = (lens.undistorted(pixel).unwrap() - camera.principal) / camera.focal;
             let seen = distortion.distorted(ray) * camera.focal + camera.principal;

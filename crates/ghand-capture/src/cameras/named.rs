@@ -69,7 +69,9 @@ pub fn read_named_camera(name: &Path) -> Result<Camera, CaptureError> {
         (None, [only]) => only,
         (None, []) => return Err(validator.invalid("cameras", "is empty")),
         (None, several @ [first, ..]) => {
-            let (file, count, ids) = (path.display(), several.len(), ids(several));
+            let file = path.display();
+            let count = several.len();
+            let ids = ids(several);
             let problem = format!("has {count}; choose one by its id, as in {file}:{}; the ids are {ids}", first.id);
             return Err(validator.invalid("cameras", problem));
         }
@@ -142,7 +144,8 @@ mod tests {
 
     #[test]
     fn an_unknown_field_of_a_camera_or_of_its_file_is_named() {
-        let (one, many) = (camera("c", 100.0), capture(&["cam00", "cam03"]));
+        let one = camera("c", 100.0);
+        let many = capture(&["cam00", "cam03"]);
         let lens = "\"width\":64,\"distorsion\":[0.1,0,0,0,0]";
         for (file, json, name, parts) in [
             ("one.json", one.replace("\"width\":64", lens), "{}", ["distorsion", "\"distortion\""]),

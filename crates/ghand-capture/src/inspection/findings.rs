@@ -156,7 +156,8 @@ fn images(capture: &Capture, found: &CaptureInspection) -> Vec<Finding> {
 
 fn masks(capture: &Capture, found: &CaptureInspection) -> Vec<Finding> {
     let mut findings = vec![];
-    let (checked, without) = (views(found).count(), views(found).filter(|view| view.coverage.is_none()).count());
+    let checked = views(found).count();
+    let without = views(found).filter(|view| view.coverage.is_none()).count();
     if without > 0 {
         let text = format!(
             "{without} of {checked} images have no mask; the hand may be anywhere in them, and the background counts \
@@ -348,7 +349,8 @@ fn poses(capture: &Capture, found: &CaptureInspection) -> Vec<Finding> {
         let frames = found.posed_frames.iter().filter_map(|frame| capture.frames.get(*frame));
         frames.flat_map(|frame| &frame.pose.rotations)
     };
-    let (long, all) = (rotations().filter(|rotation| rotation.length() > TAU).count(), rotations().count());
+    let long = rotations().filter(|rotation| rotation.length() > TAU).count();
+    let all = rotations().count();
     if long == 0 {
         return vec![];
     }
@@ -385,7 +387,8 @@ fn misfits(capture: &Capture, found: &CaptureInspection) -> Vec<(bool, Finding)>
             Cause::Place => "`translation` is the camera's place c, and must be -R c,".to_owned(),
             Cause::Swapped(other) => format!("the images are those of {}", name(*other)),
             Cause::Late(late) => {
-                let (count, which) = (late.unsigned_abs(), if *late > 0 { "later" } else { "earlier" });
+                let count = late.unsigned_abs();
+                let which = if *late > 0 { "later" } else { "earlier" };
                 let s = if count == 1 { "" } else { "s" };
                 format!("the masks show the poses of {count} frame{s} {which}")
             }

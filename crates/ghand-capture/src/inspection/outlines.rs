@@ -65,7 +65,8 @@ pub(super) fn images_and_masks(capture: &Capture, views: &[&ViewFit]) -> Vec<Fin
     let text = |(change, ids): (Change, Vec<&str>)| {
         let what = match change {
             Change::Shift(frames) => {
-                let (count, which) = (frames.unsigned_abs(), if frames > 0 { "later" } else { "earlier" });
+                let count = frames.unsigned_abs();
+                let which = if frames > 0 { "later" } else { "earlier" };
                 let s = if count == 1 { "" } else { "s" };
                 format!("shifted by {count} frame{s}? The masks of frames {count} {which} fit the images")
             }
@@ -186,7 +187,8 @@ fn wider(mask: &[bool], width: usize, pixels: isize) -> Vec<bool> {
         let before = found.clone();
         let at = |i: Option<usize>| i.and_then(|i| before.get(i)).copied().unwrap_or(false);
         for (i, inside) in found.iter_mut().enumerate() {
-            let (column, below) = (i % width.max(1), i + width);
+            let column = i % width.max(1);
+            let below = i + width;
             let left = if column > 0 { i.checked_sub(1) } else { None };
             let right = (column + 1 < width).then_some(i + 1);
             *inside |= at(left) || at(right) || at(i.checked_sub(width)) || at(Some(below));

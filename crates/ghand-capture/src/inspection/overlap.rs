@@ -27,7 +27,10 @@ impl Spread {
     pub fn of(values: impl IntoIterator<Item = f64>) -> Option<Spread> {
         let mut values = values.into_iter();
         let first = values.next()?;
-        let (mut count, mut sum, mut min, mut max) = (1, first, first, first);
+        let mut count = 1;
+        let mut sum = first;
+        let mut min = first;
+        let mut max = first;
         for value in values {
             count += 1;
             sum += value;

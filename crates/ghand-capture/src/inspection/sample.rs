@@ -53,7 +53,8 @@ mod tests {
             found.iter().for_each(|pair| *counts.entry(of(pair)).or_default() += 1);
             counts
         };
-        let (cameras, frames) = (uses(&|p| p.0), uses(&|p| p.1));
+        let cameras = uses(&|p| p.0);
+        let frames = uses(&|p| p.1);
         assert!(cameras.len() == 20 && cameras.values().all(|n| *n == 12), "{cameras:?}");
         assert!(frames.len() == 240 && frames.values().all(|n| *n == 1), "{frames:?}");
     }

@@ -125,7 +125,8 @@ fn images(capture: &Capture) -> Result<Value, CaptureError> {
         ["train", "test"].iter().filter_map(|name| capture.splits.get(*name)).flat_map(|s: &Split| &s.views).collect();
     let boxes: Vec<[u32; 4]> =
         views.par_iter().map(|v| hand_box(capture, v.camera, v.frame)).collect::<Result<_, _>>()?;
-    let (mut images, mut annotations) = (vec![], vec![]);
+    let mut images = vec![];
+    let mut annotations = vec![];
     for (id, (view, bounds)) in views.iter().zip(boxes).enumerate() {
         let (camera, frame) = capture.camera_and_frame(view.camera, view.frame)?;
         let (sequence, number) = frame.id.split_once('/').unwrap_or(("", &frame.id));

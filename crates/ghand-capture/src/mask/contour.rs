@@ -17,7 +17,9 @@ pub(super) fn keep_largest(mask: &mut [bool], width: usize) {
             }
         }
     }
-    let (mut best, mut largest, mut next) = (0, 0, OUTSIDE + 1);
+    let mut best = 0;
+    let mut largest = 0;
+    let mut next = OUTSIDE + 1;
     for start in 0..mask.len() {
         if label[start] != 0 {
             continue;
@@ -73,7 +75,8 @@ const OUTSIDE: u32 = 1;
 fn neighbours(i: usize, width: usize, count: usize) -> [Option<usize>; 8] {
     let x = i % width;
     let (left, right) = (x > 0, x + 1 < width);
-    let (above, below) = (i.checked_sub(width), Some(i + width).filter(|i| *i < count));
+    let above = i.checked_sub(width);
+    let below = Some(i + width).filter(|i| *i < count);
     [
         left.then(|| i - 1),
         right.then(|| i + 1),

@@ -95,7 +95,8 @@ pub(super) fn learn(capture: &Capture, camera: usize, frames: &[usize]) -> Resul
 
 /// What examples show.
 fn colors(examples: &[Example], width: usize) -> Colors {
-    let (mut hand, mut surroundings) = (Histogram::new(), Histogram::new());
+    let mut hand = Histogram::new();
+    let mut surroundings = Histogram::new();
     for Example { rgba, hand: is_hand, guide, .. } in examples {
         for i in guide.rows.clone().flat_map(|y| guide.columns.clone().map(move |x| y * width + x)) {
             match (rgba.get(i), is_hand.get(i)) {

@@ -260,7 +260,8 @@ impl GridCut {
 
     /// Steps from a node to its terminal; `None` if an orphan is between.
     fn distance_to_root(&mut self, start: usize) -> Option<u32> {
-        let (mut node, mut steps) = (start, 0);
+        let mut node = start;
+        let mut steps = 0;
         let total = loop {
             if self.stamp[node] == self.time && self.parent[node] < NONE {
                 break steps + self.distance[node];
@@ -278,7 +279,8 @@ impl GridCut {
                 }
             }
         };
-        let (mut node, mut distance) = (start, total);
+        let mut node = start;
+        let mut distance = total;
         while self.stamp[node] != self.time {
             self.stamp[node] = self.time;
             self.distance[node] = distance;

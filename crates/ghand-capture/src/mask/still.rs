@@ -43,7 +43,8 @@ impl Still {
     /// Probability of a colour at a pixel without the hand, given that of the colour anywhere there.
     pub fn probability(&self, pixel: usize, rgb: [u8; 3], anywhere: f64) -> f64 {
         let Some(Some((middle, noise))) = self.pixels.get(pixel) else { return anywhere };
-        let (seen, still) = (rgb.map(f64::from), middle.map(f64::from));
+        let seen = rgb.map(f64::from);
+        let still = middle.map(f64::from);
         let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
         let squared = |a: [f64; 3], factor: f64, b: [f64; 3]| {
             (0..3).map(|c| (a[c] - factor * b[c]).powi(2)).sum::<f64>() / f64::from(*noise).powi(2)

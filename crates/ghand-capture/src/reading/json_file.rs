@@ -24,7 +24,8 @@ pub(crate) fn parse<T: DeserializeOwned>(path: &Path, text: &str) -> Result<T, C
 
 /// The error of a parser that has recorded its position in `track`.
 pub(crate) fn not_as_expected(path: &Path, track: Track, error: &serde_json::Error) -> CaptureError {
-    let (field, problem) = (track.path().to_string(), plain_json_error(error));
+    let field = track.path().to_string();
+    let problem = plain_json_error(error);
     // Text that is not JSON has no fields, and `.` means the whole file.
     let is_named = error.is_data() && field != ".";
     CaptureError::Json { path: path.into(), problem: if is_named { format!("{field}: {problem}") } else { problem } }

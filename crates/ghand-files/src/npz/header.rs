@@ -45,7 +45,9 @@ struct Literal<'a> {
 
 impl<'a> Literal<'a> {
     fn header(&mut self) -> Option<(String, bool, Vec<usize>)> {
-        let (mut code, mut fortran, mut shape) = (None, None, None);
+        let mut code = None;
+        let mut fortran = None;
+        let mut shape = None;
         self.token("{")?;
         while self.token("}").is_none() {
             let key = self.quoted()?;

@@ -57,7 +57,9 @@ impl Graph<'_> {
         };
         let by_column = self.object(id).0 == Class::SparseColumns;
         let (outer, inner) = if by_column { (columns, rows) } else { (rows, columns) };
-        let (data, indices, starts) = (numbers("data")?, numbers("indices")?, numbers("indptr")?);
+        let data = numbers("data")?;
+        let indices = numbers("indices")?;
+        let starts = numbers("indptr")?;
         if Some(starts.len()) != outer.checked_add(1) || data.len() != indices.len() {
             let problem = format!(
                 "is a {rows} x {columns} sparse matrix with {} values, {} indices and {} starts; {SAVE_AGAIN}",

@@ -34,7 +34,9 @@ pub(super) fn array<'a>(machine: &mut Machine<'a>, state: Id) -> Result<Node<'a>
 
 fn announced(graph: &Graph, state: Id) -> Result<Follows, ArrayError> {
     let part = |name: &str| graph.lookup(state, name).ok_or_else(|| ArrayError(format!("has no {name}")));
-    let (shape, elements, order) = (part("shape")?, part("dtype")?, part("order")?);
+    let shape = part("shape")?;
+    let elements = part("dtype")?;
+    let order = part("order")?;
     let kind = graph.element_type(elements)?;
     if kind.kind == ElementKind::Object {
         return Ok(Follows::Pickle);

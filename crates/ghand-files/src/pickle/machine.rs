@@ -31,7 +31,9 @@ pub(super) struct Machine<'a> {
 
 impl<'a> Machine<'a> {
     fn new(input: &'a [u8], at: usize, nodes: Vec<Node<'a>>) -> Machine<'a> {
-        let (stack, marks, memo) = (Vec::new(), Vec::new(), HashMap::new());
+        let stack = Vec::new();
+        let marks = Vec::new();
+        let memo = HashMap::new();
         Machine { input, left: 0, is_inner: false, at, instruction: at, nodes, stack, marks, memo }
     }
 
@@ -195,7 +197,8 @@ impl<'a> Machine<'a> {
             b'R' | 0x81 => {
                 let args = self.pop()?;
                 let class = self.pop()?;
-                let (class, args) = (self.class(class)?, self.arguments(args)?);
+                let class = self.class(class)?;
+                let args = self.arguments(args)?;
                 self.make(class, args)?;
             }
             // NEWOBJ_EX
@@ -206,7 +209,8 @@ impl<'a> Machine<'a> {
                 }
                 let args = self.pop()?;
                 let class = self.pop()?;
-                let (class, args) = (self.class(class)?, self.arguments(args)?);
+                let class = self.class(class)?;
+                let args = self.arguments(args)?;
                 self.make(class, args)?;
             }
             // INST, OBJ
@@ -340,7 +344,8 @@ impl<'a> Machine<'a> {
 
     /// The name that an instruction gives in two lines.
     fn global(&mut self) -> Result<Class, PickleError> {
-        let (module, name) = (self.line()?, self.line()?);
+        let module = self.line()?;
+        let name = self.line()?;
         find(&String::from_utf8_lossy(module), &String::from_utf8_lossy(name))
     }
 

@@ -86,7 +86,8 @@ impl<'a> Graph<'a> {
             return Err(damaged("is a tensor without a shape"));
         };
         let offset = self.integer(offset).ok_or_else(|| damaged("is a tensor with an invalid offset"))?;
-        let (shape, strides) = (self.sizes(shape)?, self.sizes(strides)?);
+        let shape = self.sizes(shape)?;
+        let strides = self.sizes(strides)?;
         if shape.len() != strides.len() {
             return Err(damaged("is a tensor with more axes than strides"));
         }
@@ -183,7 +184,8 @@ fn old_torch(bytes: &[u8], most: usize) -> Result<Graph<'_>, PickleError> {
     let (_, _, machine_end) = machine::run(bytes, version_end, most)?;
     let (nodes, root, values_end) = machine::run(bytes, machine_end, most)?;
     let (keys, list, mut at) = machine::run(bytes, values_end, most)?;
-    let (graph, keys) = (Graph::of(nodes, root), Graph::of(keys, list));
+    let graph = Graph::of(nodes, root);
+    let keys = Graph::of(keys, list);
     let Node::List(ids) = keys.node(list) else { return Err(wrong(values_end, "its storages are not listed")) };
     let sizes: HashMap<String, usize> = (0..graph.nodes.len() as u32)
         .filter_map(|id| graph.reference(Id(id)))

@@ -69,7 +69,9 @@ fn typed_array(entries: &[(String, Value)]) -> Option<NumericArray> {
 fn without_nan(bytes: &[u8]) -> Cow<'_, [u8]> {
     const WORDS: [&[u8]; 3] = [b"-Infinity", b"Infinity", b"NaN"];
     let mut out: Vec<u8> = Vec::new();
-    let (mut at, mut copied, mut in_text) = (0, 0, false);
+    let mut at = 0;
+    let mut copied = 0;
+    let mut in_text = false;
     while let Some(&byte) = bytes.get(at) {
         let rest = bytes.get(at..).unwrap_or_default();
         let word = if in_text || !matches!(byte, b'-' | b'I' | b'N') {

@@ -198,7 +198,8 @@ impl<'a> VertexMotion<'a> {
     }
 
     fn of_vertex(&self, vertex: usize) -> (Vec<DVec3>, Vec<DVec3>) {
-        let (model, chain) = (&self.rig.shaped.model, &self.posed.chain);
+        let model = &self.rig.shaped.model;
+        let chain = &self.posed.chain;
         let bound: Vec<(usize, f64)> =
             model.vertex_weights(vertex).iter().copied().enumerate().filter(|(_, weight)| *weight > 0.0).collect();
         let carried: Vec<DVec3> =

@@ -108,7 +108,8 @@ impl<'a> Proportions<'a> {
             d_joints.push(d_joint);
         }
         for (parameter, logarithm) in bones.iter().enumerate() {
-            let (k, size) = (parameter / 2, logarithm.exp());
+            let k = parameter / 2;
+            let size = logarithm.exp();
             let d_stretch = match (self.bones[k], parameter % 2) {
                 (Some(along), 0) => outer(along) * size,
                 (Some(along), _) => (DMat3::IDENTITY - outer(along)) * size,

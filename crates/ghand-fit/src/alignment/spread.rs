@@ -86,7 +86,8 @@ impl PoseSpread {
         for group in &self.groups {
             let turn = group.vector_by_step(pose);
             let pull = turn.transpose() * &group.information;
-            let (curvature, slope) = (&pull * &turn, &pull * (group.vector(pose) - &group.mean));
+            let curvature = &pull * &turn;
+            let slope = &pull * (group.vector(pose) - &group.mean);
             for (i, row) in group.parameters().enumerate() {
                 gradient[row] += slope[i];
                 group.parameters().enumerate().for_each(|(j, column)| matrix[(row, column)] += curvature[(i, j)]);
@@ -207,7 +208,8 @@ mod tests {
             .map(|name| template.joint_names.iter().position(|n| n == name).unwrap());
         let mut rng = ChaCha8Rng::seed_from_u64(3);
         let mut normal = || (0..12).map(|_| rng.random::<f64>() - 0.5).sum::<f64>();
-        let (frames, axis) = (60, DVec3::new(0.6, 0.0, 0.8));
+        let frames = 60;
+        let axis = DVec3::new(0.6, 0.0, 0.8);
         let mut truth = vec![];
         let estimates: Vec<Estimate> = (0..frames)
             .map(|frame| {

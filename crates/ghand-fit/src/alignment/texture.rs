@@ -108,7 +108,8 @@ pub(super) fn refine(
     let sum = |part: &dyn Fn(&HeldOut) -> f64| judged.iter().map(part).sum::<f64>();
     let is_better = sum(&|of_frame| of_frame.errors[1] - of_frame.errors[0]) < 0.0;
     let is_refined = |of_frame: &HeldOut| is_better && !of_frame.is_worse();
-    let (mut refined, mut kept) = (vec![], vec![]);
+    let mut refined = vec![];
+    let mut kept = vec![];
     for (frame, of_frame) in frames.iter().zip(&judged) {
         if is_refined(of_frame) {
             refined.push(*frame);
@@ -215,7 +216,9 @@ impl Refiner<'_> {
             Ok((cues, prior, distances))
         };
         let equations = frames.par_iter().enumerate().map(of_frame).collect::<Result<Vec<_>, _>>()?;
-        let (mut cues, mut priors, mut distances) = (vec![], vec![], vec![]);
+        let mut cues = vec![];
+        let mut priors = vec![];
+        let mut distances = vec![];
         for (of_frame, prior, of_contours) in equations {
             cues.push(of_frame);
             priors.push(prior);

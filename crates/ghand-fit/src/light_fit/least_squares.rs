@@ -252,7 +252,8 @@ pub(super) fn frame_factors(frames: &[FrameColors], fits: &[ChannelFit]) -> Vec<
         for (channel, fit) in fits.iter().enumerate() {
             let irradiance = &frame.parts * &fit.light;
             for (i, t) in frame.texels.iter().enumerate() {
-                let (seen, fitted) = (frame.colors[i][channel], irradiance[i] * fit.albedo[*t]);
+                let seen = frame.colors[i][channel];
+                let fitted = irradiance[i] * fit.albedo[*t];
                 if seen.min(fitted) > DARKEST {
                     ratios.push(DISPLAY_EXPONENT * (seen / fitted).ln());
                 }
@@ -318,7 +319,8 @@ mod tests {
     fn the_non_negative_minimum_meets_its_conditions() {
         let rows = DMatrix::from_fn(30, 6, |i, k| (1.7 * (i * (k + 1)) as f64 + k as f64).sin());
         let values = DVector::from_fn(30, |i, _| (0.9 * i as f64).cos());
-        let (matrix, vector) = (rows.tr_mul(&rows), rows.tr_mul(&values));
+        let matrix = rows.tr_mul(&rows);
+        let vector = rows.tr_mul(&values);
         let x = non_negative(&matrix, &vector, DVector::from_element(6, 1.0));
         let gradient = &matrix * &x - &vector;
         assert!(x.iter().any(|x| *x == 0.0) && x.iter().any(|x| *x > 0.0), "{x}");

@@ -70,7 +70,8 @@ impl<'a> TexelObserver<'a> {
         pose: &Pose,
         least_cosine: f64,
     ) -> Result<Vec<Option<TexelView>>, TexelError> {
-        let (model, samples) = (&self.capture.template, &self.samples);
+        let model = &self.capture.template;
+        let samples = &self.samples;
         let camera = &self.capture.cameras[view.camera];
         let image = self.capture.load_view(view.camera, view.frame)?;
         let depth = self.painter.paint(pose, camera, &self.plain, 1)?.depth;

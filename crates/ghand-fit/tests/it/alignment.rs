@@ -116,7 +116,8 @@ fn figures_of_a_capture() {
             let turn = |p: &Pose| rotation_from_axis_angle(p.rotations[k]);
             poses.iter().zip(&truth).map(|(p, t)| axis_angle_from_rotation(&(turn(p) * turn(t).transpose()))).collect()
         };
-        let (mut all, mut aligned) = (0.0, 0.0);
+        let mut all = 0.0;
+        let mut aligned = 0.0;
         for k in &moving {
             let off = off(*k);
             let mean = off.iter().sum::<DVec3>() / off.len() as f64;

@@ -94,7 +94,8 @@ fn bulges(
 ) -> Vec<DVec3> {
     let bulge = |v: usize| {
         let offset = (model.vertices[v] - joint) / bend.radius;
-        let (inner, along) = (offset.dot(bend.inner), offset.dot(bend.along));
+        let inner = offset.dot(bend.inner);
+        let along = offset.dot(bend.along);
         let back = smooth_step(-inner);
         // The pads of both bones meet in the crease; flesh goes beside it.
         let crease = smooth_step(1.5 * inner) * bump(along / CREASE);

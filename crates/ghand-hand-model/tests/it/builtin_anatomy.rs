@@ -130,7 +130,8 @@ fn crossings(model: &HandModel, from: DVec3, direction: DVec3) -> Vec<f64> {
         let (u, v, s) = (b - a, c - a, from - a);
         let normal = direction.cross(v);
         let determinant = u.dot(normal);
-        let (x, across) = (s.dot(normal) / determinant, s.cross(u));
+        let x = s.dot(normal) / determinant;
+        let across = s.cross(u);
         let y = direction.dot(across) / determinant;
         (x >= 0.0 && y >= 0.0 && x + y < 1.0).then(|| v.dot(across) / determinant)
     };
@@ -146,7 +147,8 @@ fn knuckles_lie_as_far_behind_the_webs_as_in_anatomy() {
             let [a, b] = [pair[0], pair[1]].map(|finger| model.joints[joint(&model, JointRole::Bend(finger, k))]);
             (a + b) / 2.0
         };
-        let (knuckles, hinges) = (between(1), between(2));
+        let knuckles = between(1);
+        let hinges = between(2);
         let gap = knuckles.distance(hinges);
         let behind = gap - skin(&model, hinges, (knuckles - hinges) / gap);
         println!("{pair:?}: {:.1} mm", behind * 1e3);

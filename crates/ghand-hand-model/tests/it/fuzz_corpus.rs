@@ -17,7 +17,8 @@ const CHANGES: usize = 2000;
 
 fn run(target: &str, read: impl Fn(&[u8]) -> Option<HandModel>) -> (usize, usize) {
     let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(20);
-    let (mut read_as_they_are, mut count) = (0, 0);
+    let mut read_as_they_are = 0;
+    let mut count = 0;
     let check = |bytes: &[u8]| {
         let model = read(bytes);
         model.as_ref().inspect(|model| model.validate().expect("a model that was read is valid"));

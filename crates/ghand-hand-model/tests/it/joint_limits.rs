@@ -132,7 +132,8 @@ fn rest_is_within_every_range() {
 /// Flexion, abduction and twist of each joint beyond its range, radians.
 fn excess(model: &HandModel, pose: &Pose) -> Vec<(usize, [f64; 3])> {
     let beyond = |(role, k, axes): (JointRole, usize, JointAxes)| {
-        let (angles, ranges) = (axes.angles(pose.rotations[k]).to_array(), JointLimits::of(role).ranges());
+        let angles = axes.angles(pose.rotations[k]).to_array();
+        let ranges = JointLimits::of(role).ranges();
         (k, std::array::from_fn(|i| angles[i] - ranges[i].clamp(angles[i])))
     };
     joints(model).into_iter().map(beyond).collect()

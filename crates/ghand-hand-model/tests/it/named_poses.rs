@@ -44,7 +44,8 @@ impl Posed {
 
     /// The skin of a finger's last bone that faces away from its nail.
     fn pad(&self, finger: Finger) -> Vec<usize> {
-        let (model, joint) = (&self.model, self.joint(finger, 3));
+        let model = &self.model;
+        let joint = self.joint(finger, 3);
         let tip = fingertips(model, &JointRole::of_joints(&model.joint_names))[finger as usize];
         let inner = JointAxes::of_joints(model).unwrap()[joint].flexion.cross(tip - model.joints[joint]).normalize();
         let normals = model.vertex_normals(&model.vertices);

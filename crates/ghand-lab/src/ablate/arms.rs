@@ -181,7 +181,8 @@ pub fn figures(runs: &[ArmRun]) -> Vec<ArmFigures> {
         let against = arm.against.filter(|name| !of(name).is_empty());
         let hand = |image: &ImageFigures| image.psnr_hand;
         let gain = against.map(|name| {
-            let (these, those) = (by_frame(&runs, hand), by_frame(&of(name), hand));
+            let these = by_frame(&runs, hand);
+            let those = by_frame(&of(name), hand);
             bootstrap(&these.iter().zip(&those).map(|(a, b)| a - b).collect::<Vec<_>>())
         });
         let means: Vec<f64> = runs.iter().map(|run| average(&by_frame(&[run], hand))).collect();

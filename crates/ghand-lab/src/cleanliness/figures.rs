@@ -263,7 +263,8 @@ mod tests {
 
     fn measured(rendering: &[[f32; 4]]) -> Cleanliness {
         let training = HandPicture::of_image(&disc(|_, _| None), SIZE);
-        let (mut known, mut detail) = (KnownColors::default(), DetailEnergy::default());
+        let mut known = KnownColors::default();
+        let mut detail = DetailEnergy::default();
         known.add(&training);
         detail.add(&training);
         let mut sums = PictureSums::default();

@@ -71,7 +71,8 @@ fn normals_of(avatar: &Avatar) -> anyhow::Result<Vec<DVec3>> {
     let place = |p: DVec3| p.as_vec3().to_array().map(f32::to_bits);
     let normals: HashMap<_, _> =
         samples.positions.iter().zip(&samples.normals).map(|(position, normal)| (place(*position), *normal)).collect();
-    let (rest, count) = (&avatar.template.rest, avatar.template.len());
+    let rest = &avatar.template.rest;
+    let count = avatar.template.len();
     let normal = |p: usize| normals.get(&[0, 1, 2].map(|c| rest[c * count + p].to_bits())).copied();
     let found: Option<Vec<DVec3>> = (0..count).map(normal).collect();
     found.with_context(|| format!("the avatar's {count} Gaussians are not texels of its hand model"))
@@ -83,8 +84,10 @@ impl AvatarProperties {
     /// # Errors
     /// An error if the device failed or the avatar's hand model cannot be sampled.
     pub fn read(gpu: &Gpu, avatar: &Avatar, frames: &[PoseFrame]) -> anyhow::Result<AvatarProperties> {
-        let (template, config) = (&avatar.template, &avatar.config);
-        let (count, joint_count) = (template.len(), template.joint_count());
+        let template = &avatar.template;
+        let config = &avatar.config;
+        let count = template.len();
+        let joint_count = template.joint_count();
         let normals = normals_of(avatar)?;
         let wide = |values: &[f32]| values.iter().copied().map(f64::from).collect::<Vec<f64>>();
         let rest = vectors(&wide(&template.rest), count);
@@ -181,7 +184,8 @@ impl AvatarProperties {
 
     /// How far a basis's coefficients are from those at rest, N; the mean of the three if there are three.
     pub fn relative_coefficients(&self, pose: &PropertiesInPose, basis: usize) -> Vec<f64> {
-        let (now, rest) = (self.of_basis(&pose.coefficients, basis), self.of_basis(&self.coefficients_at_rest, basis));
+        let now = self.of_basis(&pose.coefficients, basis);
+        let rest = self.of_basis(&self.coefficients_at_rest, basis);
         let difference = |i: usize| f64::from(now[i]) - f64::from(rest[i]);
         let n = self.len();
         (0..n).map(|p| (0..self.rows).map(|c| difference(c * n + p)).sum::<f64>() / self.rows as f64).collect()

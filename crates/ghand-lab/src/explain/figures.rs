@@ -188,8 +188,8 @@ fn basis_figures(explained: &AvatarProperties, basis: usize) -> BasisFigures {
 
 /// How far a basis moves each Gaussian in a pose from where it is in the rest pose, metres.
 fn motions(explained: &AvatarProperties, pose: &PropertiesInPose, basis: usize) -> Vec<f64> {
-    let (now, rest) =
-        (explained.of_basis(&pose.coefficients, basis), explained.of_basis(&explained.coefficients_at_rest, basis));
+    let now = explained.of_basis(&pose.coefficients, basis);
+    let rest = explained.of_basis(&explained.coefficients_at_rest, basis);
     let n = explained.len();
     let of = |(p, s): (usize, &glam::DVec3)| {
         let component = |c: usize| {

@@ -70,7 +70,8 @@ pub fn figure(title: &str, rows: &[Vec<Cell>], legend: impl FnOnce(u32) -> Optio
     let columns = rows.iter().map(Vec::len).max().unwrap_or(0) as u32;
     let legend = legend(cell_height);
     let legend_width = legend.as_ref().map_or(0, RgbImage::width);
-    let (top, row_height) = (line(CAPTION) + 4, line(SMALL) + cell_height + 4);
+    let top = line(CAPTION) + 4;
+    let row_height = line(SMALL) + cell_height + 4;
     let mut page = blank(columns * cell_width + legend_width, top + rows.len() as u32 * row_height);
     write(&mut page, [0, 0], CAPTION, INK, title);
     for (y, row) in (0..).zip(rows) {

@@ -308,7 +308,8 @@ impl Painter<'_> {
 fn enlarged(pose: &PropertiesInPose, anchored: bool) -> (Vec<DVec3>, f64) {
     let mean = |points: &[DVec3]| points.iter().sum::<DVec3>() / points.len().max(1) as f64;
     let farthest = |points: &[DVec3], from: DVec3| points.iter().map(|p| p.distance(from)).fold(0.0, f64::max);
-    let (target, origin) = (mean(&pose.joints), mean(&pose.residual_joints));
+    let target = mean(&pose.joints);
+    let origin = mean(&pose.residual_joints);
     let pairs = || pose.joints.iter().zip(&pose.residual_joints);
     let wanted = if anchored {
         VISIBLE / pairs().map(|(a, b)| a.distance(*b)).fold(1e-9, f64::max)

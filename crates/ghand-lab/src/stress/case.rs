@@ -75,7 +75,8 @@ pub struct Inputs {
 
 impl CaseOutcome {
     fn new(hand: &StressHand, number: u64, pose: PoseKind, view: ViewKind) -> CaseOutcome {
-        let (kind, model) = (hand.kind, hand.model);
+        let kind = hand.kind;
+        let model = hand.model;
         CaseOutcome {
             number,
             hand: kind,
@@ -102,7 +103,8 @@ impl CaseOutcome {
 /// The numbers of a case, and what is extreme about it.
 fn kinds(seed: u64, number: u64) -> (Sampler, PoseKind, ViewKind) {
     let mut draw = Sampler::new(seed, 2 * number + 1);
-    let (pose, view) = (draw.one(&POSES), draw.one(&VIEWS));
+    let pose = draw.one(&POSES);
+    let view = draw.one(&VIEWS);
     (draw, pose, view)
 }
 
@@ -482,13 +484,15 @@ mod tests {
         let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
         let is_glossy = |hand: &StressHand| hand.avatar.light.as_ref().is_some_and(|light| light.gloss.is_some());
         let hand = (0..).map(|number| StressHand::draw(&gpu, 2, number).unwrap()).find(is_glossy).unwrap();
-        let (avatar, mut draw) = (&hand.avatar, Sampler::new(0, 0));
+        let avatar = &hand.avatar;
+        let mut draw = Sampler::new(0, 0);
         let pose = PoseKind::Usual.draw(&mut draw, &avatar.template);
         let unlit = exact(avatar, &pose).unwrap();
         let camera = ViewKind::Usual.draw(&mut draw, &unlit);
         let (_, table) = StressSubject::new(&gpu, &hand).unwrap().draw(&gpu, &pose, &camera).unwrap();
         let light = TwinLight::of(avatar, &pose, camera.center()).unwrap().unwrap();
-        let (lit, moved) = (light.light(&unlit), light.moved(&mut draw).light(&unlit));
+        let lit = light.light(&unlit);
+        let moved = light.moved(&mut draw).light(&unlit);
         let off = |exact: &PosedGaussians| posed_roundings(avatar, &table, exact, &moved);
         assert!(off(&lit) < BOUNDS[0], "{}", off(&lit));
         // Moved as little as possible: the moved numbers of the right light would pass for what rounding does to the wrong one.

@@ -85,7 +85,8 @@ mod tests {
 
     #[test]
     fn one_rounding_of_a_plain_number_is_one_and_lost_digits_are_many() {
-        let (exact, moved) = ([1.0, 2.0], [1.0 + ROUNDING, 2.0]);
+        let exact = [1.0, 2.0];
+        let moved = [1.0 + ROUNDING, 2.0];
         assert_eq!(roundings(&[1.0, 2.0], &exact, &moved, 0.0), 0.0);
         let one = roundings(&[1.0f32.next_up(), 2.0], &exact, &moved, 0.0);
         assert!((0.1..2.0).contains(&one), "{one}");

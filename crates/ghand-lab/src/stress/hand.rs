@@ -295,7 +295,8 @@ fn network(draw: &mut Sampler, avatar: &Avatar) -> anyhow::Result<Avatar> {
     let config = AvatarConfig { network: Some(sizes), plain_skinning: false, ..avatar.config.clone() };
     let with_networks = Avatar::untrained(&avatar.model, &config, [0.8, 0.5, 0.4], 0)?;
     // With larger ones, residual weights are in the thousands.
-    let (mut tables, size) = (with_networks.tables, draw.one(&[0.1, 0.3]));
+    let mut tables = with_networks.tables;
+    let size = draw.one(&[0.1, 0.3]);
     if let PropertyTables::Network(tables) = &mut tables {
         for values in &mut tables.parameters {
             let noise = draw.numbers(values.len(), size);
@@ -383,7 +384,8 @@ fn random(draw: &mut Sampler, kind: HandKind, config: &AvatarConfig, count: usiz
 }
 
 fn set_tables(draw: &mut Sampler, kind: HandKind, avatar: &mut Avatar) {
-    let (template, config) = (&avatar.template, &avatar.config);
+    let template = &avatar.template;
+    let config = &avatar.config;
     let lengths = table_lengths(template.len(), template.joint_count(), config);
     let size = kind.size();
     let offset = if kind == HandKind::LargeOffsets { 10.0 } else { 0.1 * size };

@@ -64,7 +64,8 @@ impl TwinLight {
     /// If the pose does not fit the hand.
     pub fn of(avatar: &Avatar, pose: &Pose, eye: DVec3) -> anyhow::Result<Option<TwinLight>> {
         let Some(on_avatar) = &avatar.light else { return Ok(None) };
-        let (model, light) = (&avatar.model, &on_avatar.light);
+        let model = &avatar.model;
+        let light = &on_avatar.light;
         let parts = light.parts(model, pose)?;
         let mirrored = |of_skin: &Gloss| {
             let mut values = gloss::of_vertices(light, &parts, of_skin.roughness, eye);
@@ -89,8 +90,10 @@ impl TwinLight {
     }
 
     fn with<T>(&self, see: impl FnOnce(&SurfaceLight<'_>) -> T) -> T {
-        let (shades, gloss) = (wide(&self.shades), wide(&self.gloss));
-        let (corners, barycentric) = (&self.corners[..], &self.barycentric[..]);
+        let shades = wide(&self.shades);
+        let gloss = wide(&self.gloss);
+        let corners = &self.corners[..];
+        let barycentric = &self.barycentric[..];
         see(&SurfaceLight { corners, barycentric, shades: &shades, gloss: &gloss })
     }
 

@@ -105,7 +105,8 @@ impl Weights {
                 format!("is {name:?}, but LPIPS is computed with AlexNet, {BACKBONE:?}, only"),
             ));
         }
-        let (mut convolutions, mut linear) = (Vec::new(), Vec::new());
+        let mut convolutions = Vec::new();
+        let mut linear = Vec::new();
         for (tap, conv) in CONVOLUTIONS.iter().enumerate() {
             let [weight, bias] = conv.shapes();
             let read = |part: &str, shape: &[usize]| floats(&tensors, &format!("{}.{part}", conv.name()), shape);

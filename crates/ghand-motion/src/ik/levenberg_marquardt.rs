@@ -52,7 +52,8 @@ pub(super) fn equations(
     x: &[f64; UNKNOWNS],
     variance: f64,
 ) -> (Square, [f64; UNKNOWNS], [bool; UNKNOWNS]) {
-    let (ranges, couplings) = (problem.ranges(), problem.couplings());
+    let ranges = problem.ranges();
+    let couplings = problem.couplings();
     let free = UNKNOWNS - ranges.len();
     let (mut matrix, mut gradient) = problem.normal_equations(x);
     for (k, range) in ranges.iter().enumerate() {
@@ -62,7 +63,8 @@ pub(super) fn equations(
     }
     for c in couplings {
         let weight = variance / (c.spread * c.spread);
-        let (of, with) = (free + c.of, free + c.with);
+        let of = free + c.of;
+        let with = free + c.with;
         let error = c.error(&x[free..]);
         matrix[of][of] += weight;
         matrix[with][with] += weight * c.ratio * c.ratio;
@@ -73,7 +75,8 @@ pub(super) fn equations(
     }
     let mut stays = [false; UNKNOWNS];
     for (k, range) in ranges.iter().enumerate() {
-        let (at, value) = (free + k, x[free + k]);
+        let at = free + k;
+        let value = x[free + k];
         if (value <= range.low && gradient[at] > 0.0) || (value >= range.high && gradient[at] < 0.0) {
             for other in 0..UNKNOWNS {
                 matrix[at][other] = 0.0;

@@ -247,7 +247,8 @@ fn from_lengths(proportions: &Proportions, observed: &[f64; BONES.len()]) -> Vec
             along_fingers(&lengths(&moved))
         };
         let columns: Vec<_> = (0..count).map(moved).collect();
-        let (mut matrix, mut gradient) = (DMatrix::zeros(count, count), DVector::zeros(count));
+        let mut matrix = DMatrix::zeros(count, count);
+        let mut gradient = DVector::zeros(count);
         for (place, (now, target)) in now.iter().zip(&target).enumerate() {
             let error = (now - target) / PLACE_DEVIATION;
             let weight = (PLACE_FREEDOM + 1.0) / (PLACE_FREEDOM + error * error);
@@ -309,7 +310,8 @@ fn lengths_step(
     }
     let count = parameters.len();
     let derivatives = proportions.derivatives(parameters);
-    let (mut matrix, mut gradient) = (DMatrix::zeros(count, count), DVector::zeros(count));
+    let mut matrix = DMatrix::zeros(count, count);
+    let mut gradient = DVector::zeros(count);
     let mut cost = prior_cost(proportions, parameters);
     let mut follow = vec![];
     for frame in frames.iter() {
@@ -383,7 +385,8 @@ impl Reduced {
             .collect();
         let count = derivatives.len();
         let mut mixed = DMatrix::zeros(UNKNOWNS, count);
-        let (mut matrix, mut gradient) = (DMatrix::zeros(count, count), DVector::zeros(count));
+        let mut matrix = DMatrix::zeros(count, count);
+        let mut gradient = DVector::zeros(count);
         for sighting in &fit.seen.sightings {
             let i = sighting.landmark;
             let gap = sighting.gap(places[i], fit.cameras, fit.scales);
@@ -423,7 +426,9 @@ impl Reduced {
 
 /// The noise of a coordinate that the gaps of all frames say, metres.
 fn measured_noise(proportions: &Proportions, hand: &HandIk, frames: &[Frame], cameras: &[Camera], noise: f64) -> f64 {
-    let (mut squares, mut numbers, mut taken) = (0.0, 0.0, proportions.count() as f64);
+    let mut squares = 0.0;
+    let mut numbers = 0.0;
+    let mut taken = proportions.count() as f64;
     for frame in frames {
         let fit = frame.fit(hand, cameras, noise);
         for (sighting, gap) in frame.seen.sightings.iter().zip(fit.gaps(&frame.x)) {

@@ -131,7 +131,10 @@ fn noise_of_five_millimetres_leaves_a_natural_hand_near_the_truth() {
     let mut rng = ChaCha8Rng::seed_from_u64(4);
     for model in hands() {
         let ik = ik(&model);
-        let (mut errors, mut angles, mut steps, mut before) = (vec![], vec![], vec![], None);
+        let mut errors = vec![];
+        let mut angles = vec![];
+        let mut steps = vec![];
+        let mut before = None;
         for _ in 0..60 {
             let pose = natural_pose(&model, &mut rng);
             // Uniform within +-8.66 mm has a standard deviation of 5 mm.
@@ -150,7 +153,8 @@ fn noise_of_five_millimetres_leaves_a_natural_hand_near_the_truth() {
             steps.push(solution.steps as f64);
             before = Some(solution.pose);
         }
-        let (error, angle) = (median(errors.clone()), median(angles.clone()));
+        let error = median(errors.clone());
+        let angle = median(angles.clone());
         // Not close to the truth, or not a number.
         let far = angles.iter().filter(|angle| !(**angle <= 60.0)).count();
         println!(

@@ -141,7 +141,8 @@ fn the_other_hand_is_mirrored_unless_the_own_one_was_just_seen() {
 fn landmarks_of_a_hand_of_another_size_are_followed() {
     let model = right();
     let grasp = motion("grasp", model, 30.0).unwrap().unwrap();
-    let (mut live, mut random) = (LivePoses::default(), random());
+    let mut live = LivePoses::default();
+    let mut random = random();
     let options = LiveOptions { smooth: None, in_place: true };
     let (mut worst, mut before): (f64, Option<Pose>) = (0.0, None);
     for (k, frame) in grasp.frames.iter().enumerate() {
@@ -267,7 +268,8 @@ fn changed_packets_give_a_pose_in_range_or_an_error() {
         landmarks_packet(&landmarks_of(model, &pose), "Right"),
     ];
     let mut live = LivePoses::default();
-    let (mut read, mut refused) = (0, 0);
+    let mut read = 0;
+    let mut refused = 0;
     for packet in packets.iter().map(bytes) {
         for k in 0..500 {
             match live.read(&changed(&packet, &mut random), model, f64::from(k), &LiveOptions::default()) {

@@ -43,7 +43,8 @@ fn a_round_trip_is_the_identity() {
     for model in hands() {
         let first = RestSkeleton::of(&model).unwrap();
         for second in &rigs {
-            let (there, back) = (Retarget::new(&first, second), Retarget::new(second, &first));
+            let there = Retarget::new(&first, second);
+            let back = Retarget::new(second, &first);
             for _ in 0..50 {
                 let pose = natural_pose(&model, &mut rng);
                 let again = back.pose(&there.pose(&pose));

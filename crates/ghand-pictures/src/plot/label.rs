@@ -16,10 +16,12 @@ const LINE: f64 = 1.6;
 /// off.
 pub fn label(picture: &mut RgbImage, [x, y]: [i32; 2], height: f64, color: Rgb<u8>, text: &str) {
     ensure_font();
-    let (width, rows) = (label_width(height, text) + height.ceil() as u32, (LINE * height).ceil() as u32);
+    let width = label_width(height, text) + height.ceil() as u32;
+    let rows = (LINE * height).ceil() as u32;
     let large = height * f64::from(FINER);
     let mut ink = RgbImage::from_pixel(width * FINER, rows * FINER, Rgb([255; 3]));
-    let (size, top) = (ink.dimensions(), (ABOVE * large).round() as i32);
+    let size = ink.dimensions();
+    let top = (ABOVE * large).round() as i32;
     let style = (FONT, large).into_font().color(&BLACK);
     let mut backend = BitMapBackend::with_buffer(&mut ink, size);
     // A text that cannot be laid out is missing, the picture is not.

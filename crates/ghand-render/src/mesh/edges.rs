@@ -115,7 +115,8 @@ fn clip_to_target(segment: Segment, size: DVec2, radius: f64) -> Option<Segment>
     }
     let [sa, sb] = segment.inverse_depths;
     let at = |t: f64| (a + along * t, sa + (sb - sa) * t);
-    let ((start, s), (end, t)) = (at(first), at(last));
+    let (start, s) = at(first);
+    let (end, t) = at(last);
     (first <= last).then_some(Segment { ends: [start, end], inverse_depths: [s, t], ..segment })
 }
 

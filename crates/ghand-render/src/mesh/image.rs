@@ -62,8 +62,10 @@ impl MeshImage {
             return MeshError::invalid("bias", format!("{bias} is not finite; give metres"));
         }
         let pixel = |i: usize| {
-            let (mesh, splat) = (self.rgba[i], image.rgba[i]);
-            let ([mesh_coverage, splat_coverage], mut out) = ([mesh[3], splat[3]], [0.0; 4]);
+            let mesh = self.rgba[i];
+            let splat = image.rgba[i];
+            let [mesh_coverage, splat_coverage] = [mesh[3], splat[3]];
+            let mut out = [0.0; 4];
             let mesh_is_nearer = depths[i] == 0.0 || self.depth[i] <= depths[i] + bias;
             for c in 0..3 {
                 out[c] = if mesh_is_nearer {

@@ -118,7 +118,8 @@ impl Context {
 impl Resolved {
     /// Encodes the copy that is read back.
     pub fn read_back(&self, context: &Context, encoder: &mut wgpu::CommandEncoder) -> Readback {
-        let (colors, depths) = (self.pixels * COLOR_BYTES, self.pixels * DEPTH_BYTES);
+        let colors = self.pixels * COLOR_BYTES;
+        let depths = self.pixels * DEPTH_BYTES;
         let buffer = context.image_buffer(colors + depths, wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ);
         encoder.copy_buffer_to_buffer(&self.colors, 0, &buffer, 0, colors as u64);
         encoder.copy_buffer_to_buffer(&self.depths, 0, &buffer, colors as u64, depths as u64);

@@ -118,7 +118,8 @@ fn rows(weights: &[f64], joint_count: usize) -> Result<std::slice::ChunksExact<'
         return MeshError::invalid("weights", problem);
     }
     if let Some(i) = weights.iter().position(|w| !w.is_finite()) {
-        let (vertex, joint) = (i / joint_count, i % joint_count);
+        let vertex = i / joint_count;
+        let joint = i % joint_count;
         return MeshError::invalid("weights", format!("vertex {vertex} has {} for joint {joint}", weights[i]));
     }
     Ok(weights.chunks_exact(joint_count))
@@ -179,7 +180,8 @@ mod tests {
         let colors: Vec<DVec3> = (0..25).map(|k| oklab(joint_color(k))).collect();
         for i in 0..25 {
             for j in 0..i {
-                let (bound, apart) = (if i - j < 5 { 0.14 } else { 0.08 }, (colors[i] - colors[j]).length());
+                let bound = if i - j < 5 { 0.14 } else { 0.08 };
+                let apart = (colors[i] - colors[j]).length();
                 assert!(apart > bound, "joints {j} and {i} are {apart} apart");
             }
         }

@@ -88,7 +88,8 @@ pub fn ssim(x: &Picture, y: &Picture) -> f64 {
 
 /// Peak signal-to-noise ratio in dB (peak 1) over the pixels for which `counts` is true; infinite for equal pictures.
 pub fn psnr(x: &Picture, y: &Picture, counts: impl Fn(usize) -> bool) -> f64 {
-    let (mut sum, mut n) = (0.0, 0usize);
+    let mut sum = 0.0;
+    let mut n = 0usize;
     for (i, (a, b)) in x.rgb.iter().zip(&y.rgb).enumerate() {
         if counts(i) {
             sum += (0..3).map(|c| (a[c] - b[c]).powi(2)).sum::<f64>();

@@ -134,7 +134,9 @@ fn fill(
                 continue;
             }
             let weights = (over_z * depth).to_array();
-            let (mut normal, mut at_sample, mut light_visibility) = (DVec3::ZERO, DVec3::ZERO, 0.0);
+            let mut normal = DVec3::ZERO;
+            let mut at_sample = DVec3::ZERO;
+            let mut light_visibility = 0.0;
             for (weight, corner) in weights.iter().zip(&corners) {
                 normal += *weight * corner.normal;
                 at_sample += *weight * corner.surface;
@@ -186,7 +188,9 @@ fn resolve(
     style: &MeshStyle,
     margin: usize,
 ) -> MeshImage {
-    let (width, height, k) = (camera.width as usize, camera.height as usize, style.supersample as usize);
+    let width = camera.width as usize;
+    let height = camera.height as usize;
+    let k = style.supersample as usize;
     let mut image = MeshImage {
         width: camera.width,
         height: camera.height,
@@ -195,7 +199,8 @@ fn resolve(
     };
     for pixel in 0..width * height {
         let (x, y) = (pixel % width + margin, pixel / width + margin);
-        let (mut sum, mut nearest) = (DVec4::ZERO, f64::INFINITY);
+        let mut sum = DVec4::ZERO;
+        let mut nearest = f64::INFINITY;
         for index in (0..k * k).map(|s| (y * k + s / k) * faces.width + x * k + s % k) {
             let mut color = DVec4::ZERO;
             if faces.depth[index].is_finite() && style.shading != Shading::Transparent {

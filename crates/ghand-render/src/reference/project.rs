@@ -230,7 +230,8 @@ pub fn project_vjp(
     }
     // J_0 = (fx / z) (1, 0, -slope.x), J_1 = (fy / z) (0, 1, -slope.y), centre = slope f + principal.
     for axis in 0..2 {
-        let (focal, z) = (camera.focal[axis], f.p.z);
+        let focal = camera.focal[axis];
+        let z = f.p.z;
         d_p.z -= d_jacobian[axis].dot(f.jacobian[axis]) / z;
         let through_jacobian = if f.free[axis] { -d_jacobian[axis].z * focal / z } else { 0.0 };
         let d_slope = d.mean[axis] * focal + through_jacobian;

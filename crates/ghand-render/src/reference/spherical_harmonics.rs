@@ -92,7 +92,8 @@ mod tests {
         for axis in 0..3 {
             let mut step = DVec3::ZERO;
             step[axis] = 1e-6;
-            let (above, below) = (basis(d + step), basis(d - step));
+            let above = basis(d + step);
+            let below = basis(d - step);
             for (m, gradient) in basis_gradient(d).iter().enumerate() {
                 let numeric = (above[m] - below[m]) / 2e-6;
                 assert!((gradient[axis] - numeric).abs() < 1e-8, "{m} {axis}");

@@ -148,7 +148,8 @@ impl Stages {
             }
             None => {
                 let pair = |label: &str| [0, 1].map(|_| buffers::zeroed(gpu, label, b.capacity as usize));
-                let (keys, entries) = (pair("tile keys"), pair("entries"));
+                let keys = pair("tile keys");
+                let entries = pair("entries");
                 // The number of bits of the largest tile index, at least one.
                 let bits = (u32::BITS - (b.tiles - 1).leading_zeros()).max(1);
                 let order = Order { counter: Counters::INTERSECTIONS, bits, numbered: false };

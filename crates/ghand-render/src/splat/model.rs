@@ -127,7 +127,8 @@ impl SplatModel {
     /// The place of a number in a table of `count` Gaussians: `[rows][N]`, but the coefficients of harmonics are behind
     /// the other rows by Gaussian, `[N][3 * bases]`, because a Gaussian's are used together.
     pub fn index(&self, row: usize, gaussian: usize, count: usize) -> usize {
-        let (first, bases) = (self.color_row(), self.color_bases());
+        let first = self.color_row();
+        let bases = self.color_bases();
         if bases == 0 || row < first {
             row * count + gaussian
         } else {

@@ -75,7 +75,8 @@ impl Stages {
             )
         });
         let camera = pipelines.camera.as_ref().map(|(of_strands, sum)| {
-            let (camera_rows, strands) = (&b.camera_rows, &b.camera_strands);
+            let camera_rows = &b.camera_rows;
+            let strands = &b.camera_strands;
             [
                 of_strands.bind(gpu, &CameraStrandsBindings { view: &s.view, camera_rows, strands }),
                 sum.bind(gpu, &CameraGradientBindings { strands, d_camera: &s.d_camera }),

@@ -84,7 +84,8 @@ impl Pipelines {
             Tier::Gpu => ("sort_by_blocks", "scan_by_blocks"),
             Tier::GpuSubgroups => ("subgroups/sort_by_blocks", "subgroups/scan_by_blocks"),
         };
-        let (sort, scan) = (Module::new(gpu, sort), Module::new(gpu, scan));
+        let sort = Module::new(gpu, sort);
+        let scan = Module::new(gpu, scan);
         let [portable, subgroups] = SORT_BLOCKS;
         Pipelines {
             sort_count: sort.stage(gpu, &[]),

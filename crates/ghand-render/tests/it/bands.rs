@@ -19,7 +19,8 @@ fn splatter(gpu: &Gpu, model: SplatModel, table: &[f32], size: [u32; 2]) -> Spla
 /// The picture of a view rendered in bands that fit the splatter, and the number of bands.
 fn in_bands(gpu: &Gpu, splatter: &mut Splatter, view: View) -> Result<(Image, usize), RenderError> {
     let [width, height] = view.size;
-    let (mut image, mut bands) = (Image { width, height, rgba: vec![] }, 0);
+    let mut image = Image { width, height, rgba: vec![] };
+    let mut bands = 0;
     splatter.render_bands(gpu, view, |row, band| {
         assert_eq!((row as usize * width as usize, band.width), (image.rgba.len(), width), "bands are contiguous");
         image.rgba.extend(&band.rgba);
@@ -67,7 +68,8 @@ fn bits(image: &Image) -> &[u32] {
 #[test]
 fn the_gradient_of_a_band_equals_that_of_its_rows() {
     for gpu in devices() {
-        let (camera, scene) = (camera(50, 40), random_scene(3, 300, 0.002..0.02));
+        let camera = camera(50, 40);
+        let scene = random_scene(3, 300, 0.002..0.02);
         let table = table(&scene, &SplatModel::HAND);
         let weights = random_weights(7, 50 * 40);
         // Rows 16 to 31 have weights, the others none.
@@ -131,7 +133,8 @@ fn a_band_fits_the_device() {
 
 #[test]
 fn the_blocks_of_a_large_mesh_image_join_without_a_seam() {
-    let (torus, renderer) = (torus(40, 24), MeshRenderer::new(&gpu()).unwrap());
+    let torus = torus(40, 24);
+    let renderer = MeshRenderer::new(&gpu()).unwrap();
     let far = Camera::look_at(DVec3::new(0.25, -0.2, 0.3), DVec3::ZERO, DVec3::Y, 0.5, 75, 61);
     // Wide enough for two blocks, with the torus at their border.
     let camera = Camera { focal: far.focal * 1.5, ..far.cropped(-984, -20, 1060, 100) };

@@ -321,7 +321,8 @@ fn subnormal_numbers_count_as_zero_or_as_themselves() {
             numbers[row * 2] = value;
             render_table(&gpu, GENERAL, &numbers, &camera, 1.0, &weights)
         };
-        let (tiny, zero) = (with(denormal), with(0.0));
+        let tiny = with(denormal);
+        let zero = with(0.0);
         assert!(tiny.image.as_flattened().iter().chain(&tiny.gradient).all(|v| v.is_finite()), "row {row}");
         assert_eq!(tiny.image, zero.image, "row {row}");
         // The second Gaussian is unaffected.
@@ -338,7 +339,9 @@ fn a_million_gaussians() {
         .into_iter()
         .map(|g| Gaussian { mean: rounded(g.mean + DVec3::Z), ..g })
         .collect();
-    let (gpu, model, numbers) = (gpu(), SplatModel::HAND, table(&gaussians, &SplatModel::HAND));
+    let gpu = gpu();
+    let model = SplatModel::HAND;
+    let numbers = table(&gaussians, &SplatModel::HAND);
     let background = DVec3::from(BACKGROUND.map(f64::from));
     let scene = Scene {
         gaussians: &gaussians,

@@ -10,7 +10,8 @@ use rand::RngExt;
 
 /// Relative L2 error of a gradient with respect to colours.
 fn error(got: &[[f32; 4]], expected: &[[f64; 3]]) -> f64 {
-    let (mut difference, mut norm) = (0.0, 0.0);
+    let mut difference = 0.0;
+    let mut norm = 0.0;
     for (a, b) in got.iter().flat_map(|d| &d[..3]).zip(expected.as_flattened()) {
         difference += (f64::from(*a) - b).powi(2);
         norm += b * b;

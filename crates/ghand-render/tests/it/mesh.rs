@@ -13,7 +13,9 @@ use glam::{DVec2, DVec3};
 
 #[test]
 fn the_device_draws_what_the_twin_draws() {
-    let (torus, camera, renderer) = (torus(40, 24), camera(), MeshRenderer::new(&gpu()).unwrap());
+    let torus = torus(40, 24);
+    let camera = camera();
+    let renderer = MeshRenderer::new(&gpu()).unwrap();
     let styles = [1, 2, 3, 4].map(|k| faces(k, lights()));
     for style in styles.into_iter().chain([faces(1, Shading::Unlit), faces(2, Shading::Transparent)]) {
         for mesh in [torus.textured(), torus.colored(), torus.with(Surface::Color(DVec3::new(0.2, 0.5, 0.9)))] {
@@ -28,7 +30,9 @@ fn the_device_draws_what_the_twin_draws() {
 
 #[test]
 fn weight_colours_are_drawn_as_by_the_twin() {
-    let (torus, camera, renderer) = (torus(40, 24), camera(), MeshRenderer::new(&gpu()).unwrap());
+    let torus = torus(40, 24);
+    let camera = camera();
+    let renderer = MeshRenderer::new(&gpu()).unwrap();
     // Three joints around the ring; a third of it does not follow the second.
     let row = |uv: &DVec2| {
         let second = (uv.x - 1.0 / 3.0).max(0.0);
@@ -46,7 +50,9 @@ fn weight_colours_are_drawn_as_by_the_twin() {
 
 #[test]
 fn triangles_through_the_near_plane_are_clipped_as_by_the_twin() {
-    let (torus, camera, renderer) = (torus(40, 24), camera_inside(), MeshRenderer::new(&gpu()).unwrap());
+    let torus = torus(40, 24);
+    let camera = camera_inside();
+    let renderer = MeshRenderer::new(&gpu()).unwrap();
     for mesh in [torus.textured(), torus.colored()] {
         let expected = render(&mesh, &camera, &faces(2, lights())).unwrap();
         compare(&renderer.render(&mesh, &camera, &faces(2, lights())).unwrap(), &expected, 4).unwrap();
@@ -55,7 +61,9 @@ fn triangles_through_the_near_plane_are_clipped_as_by_the_twin() {
 
 #[test]
 fn the_comparator_rejects_wrong_images() {
-    let (good_torus, good_camera, style) = (torus(40, 24), camera(), faces(2, lights()));
+    let good_torus = torus(40, 24);
+    let good_camera = camera();
+    let style = faces(2, lights());
     let good = render(&good_torus.textured(), &good_camera, &style).unwrap();
     compare(&good, &good, 0).unwrap();
     let draw = |torus: &Model, camera: &Camera, style| render(&torus.textured(), camera, &style).unwrap();
@@ -102,7 +110,8 @@ fn pixel_centres_are_where_the_camera_projects_them() {
 
 #[test]
 fn a_mesh_is_in_front_of_or_behind_splats_by_the_splatters_depth() {
-    let (gpu, camera) = (gpu(), crate::common::camera(64, 48));
+    let gpu = gpu();
+    let camera = crate::common::camera(64, 48);
     let model = SplatModel::default();
     // One opaque ball, some pixels wide, in the middle of the picture at 0.8 m.
     let ball = Gaussian::round(at_pixel(&camera, 32.0, 24.0, 0.8), 0.03, 1.0, DVec3::new(0.9, 0.8, 0.1));
@@ -181,7 +190,9 @@ fn extreme_meshes_are_drawn_as_the_twin_draws_them_in_every_style() {
 
 #[test]
 fn unusable_input_is_named() {
-    let (torus, camera, style) = (torus(8, 6), camera(), faces(1, lights()));
+    let torus = torus(8, 6);
+    let camera = camera();
+    let style = faces(1, lights());
     let renderer = MeshRenderer::new(&gpu()).unwrap();
     let says = |mesh: MeshInstance, camera: &Camera, style: &MeshStyle, text: &str| {
         let errors = [render(&mesh, camera, style).unwrap_err(), renderer.render(&mesh, camera, style).unwrap_err()];

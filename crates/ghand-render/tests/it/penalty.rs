@@ -8,7 +8,8 @@ use crate::common::{assert_same, gpu, random, widen};
 #[test]
 fn a_penalty_is_added_only_to_the_first_gradients() {
     let gpu = gpu();
-    let (values, gradients) = (random(1, 130, 1.0), random(2, 130, 1.0));
+    let values = random(1, 130, 1.0);
+    let gradients = random(2, 130, 1.0);
     let [on_values, on_gradients] = [&values, &gradients].map(|v| buffers::filled(&gpu, "test", v));
     let mut penalty = Penalty::new(&gpu, &on_values, &on_gradients, 100);
     let run = |penalty: &Penalty| {

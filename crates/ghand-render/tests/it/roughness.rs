@@ -22,7 +22,8 @@ fn ring() -> Vec<u32> {
 #[test]
 fn the_gradient_is_added_to_what_is_there() {
     let gpu = gpu();
-    let (values, gradients) = (random(1, ROWS * COUNT, 1.0), random(2, ROWS * COUNT, 1.0));
+    let values = random(1, ROWS * COUNT, 1.0);
+    let gradients = random(2, ROWS * COUNT, 1.0);
     let [on_values, on_gradients] = [&values, &gradients].map(|v| buffers::filled(&gpu, "test", v));
     let mut penalty = Roughness::new(&gpu, &on_values, &on_gradients, ROWS, &ring(), COUNT);
     let run = |penalty: &Roughness| {
@@ -43,7 +44,8 @@ fn the_gradient_is_added_to_what_is_there() {
 fn the_twins_gradient_is_that_of_its_penalty() {
     let values = widen(&random(3, ROWS * COUNT, 1.0));
     let mut gradients = vec![0.0; ROWS * COUNT];
-    let (weight, width) = (WEIGHT.into(), WIDTH.into());
+    let weight = WEIGHT.into();
+    let width = WIDTH.into();
     add_roughness(&values, &mut gradients, &ring(), COUNT, weight, width);
     let at = |i: usize, step: f64| {
         let mut moved = values.clone();

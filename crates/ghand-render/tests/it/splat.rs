@@ -88,7 +88,8 @@ fn published_scenes_match_the_pictures_of_gsplat() {
                 (0..width).map(move |c| values.iter().skip(c).step_by(width).copied().collect())
             })
             .collect();
-        let (model, count) = (SplatModel::trained(3), columns[0].len());
+        let model = SplatModel::trained(3);
+        let count = columns[0].len();
         let table = model.table(count, |row, i| columns[row][i]);
         let camera = Camera {
             id: String::new(),

@@ -13,7 +13,8 @@ const HIDDEN: DVec3 = DVec3::new(0.1, 0.4, 0.7);
 
 #[test]
 fn the_device_draws_the_lines_that_the_twin_draws() {
-    let (torus, renderer) = (torus(16, 10), MeshRenderer::new(&gpu()).unwrap());
+    let torus = torus(16, 10);
+    let renderer = MeshRenderer::new(&gpu()).unwrap();
     for width in [0.5, 1.0, 2.3, 8.0] {
         for (k, shading, hidden) in [
             (1, Shading::Transparent, None),
@@ -35,7 +36,9 @@ fn the_device_draws_the_lines_that_the_twin_draws() {
 
 #[test]
 fn the_comparator_rejects_wrong_lines() {
-    let (good_torus, camera, style) = (torus(16, 10), camera(), lines(2, lights(), 2.0, None));
+    let good_torus = torus(16, 10);
+    let camera = camera();
+    let style = lines(2, lights(), 2.0, None);
     let wireframe = style.wireframe.unwrap();
     let good = render(&good_torus.colored(), &camera, &style).unwrap();
     let with = |wireframe: Wireframe| MeshStyle { wireframe: Some(wireframe), ..style.clone() };
@@ -201,7 +204,8 @@ fn a_face_hides_the_lines_behind_it_unless_hidden_lines_are_drawn() {
 fn nothing_hidden_shows_through_a_closed_surface() {
     // The near half of a torus hides the far half: the lines equal those of only the near triangles, as far as these
     // reach.
-    let (full, camera) = (torus(20, 12), camera());
+    let full = torus(20, 12);
+    let camera = camera();
     let facing = |t: &&[u32; 3]| {
         let [a, b, c] = t.map(|i| full.positions[i as usize]);
         (b - a).cross(c - a).dot(camera.center() - a) > 0.0
@@ -222,7 +226,8 @@ fn nothing_hidden_shows_through_a_closed_surface() {
 
 #[test]
 fn one_sample_per_pixel_gives_nearly_the_image_of_sixteen() {
-    let (torus, camera) = (torus(16, 10), camera());
+    let torus = torus(16, 10);
+    let camera = camera();
     for width in [0.5, 1.0, 3.0] {
         let [coarse, _] = draw(&torus, &camera, &lines(1, Shading::Transparent, width, None));
         let [fine, _] = draw(&torus, &camera, &lines(4, Shading::Transparent, width, None));
@@ -234,7 +239,9 @@ fn one_sample_per_pixel_gives_nearly_the_image_of_sixteen() {
 
 #[test]
 fn the_order_of_triangles_does_not_matter() {
-    let (torus, camera, renderer) = (torus(16, 10), camera(), MeshRenderer::new(&gpu()).unwrap());
+    let torus = torus(16, 10);
+    let camera = camera();
+    let renderer = MeshRenderer::new(&gpu()).unwrap();
     let mut reversed = torus.clone();
     reversed.triangles.reverse();
     reversed.triangles.extend_from_slice(&torus.triangles);

@@ -99,7 +99,11 @@ mod tests {
     fn outlines_move_by_the_given_amount_and_neighbours_alike() {
         let mask = disc();
         let errors = MaskErrors { pixels: 2.0, seed: 5 };
-        let (mut squares, mut apart, mut alike, mut count, mut bites) = (0.0_f64, 0.0_f64, 0.0, 0.0, 0);
+        let mut squares = 0.0_f64;
+        let mut apart = 0.0_f64;
+        let mut alike = 0.0;
+        let mut count = 0.0;
+        let mut bites = 0;
         for frame in 0..80 {
             let bad = errors.of(&mask, SIZE, 3, frame);
             assert!(bad == errors.of(&mask, SIZE, 3, frame) && bad != errors.of(&mask, SIZE, 4, frame));

@@ -162,7 +162,8 @@ pub(crate) fn trajectory(anatomy: &Anatomy, joint_count: usize, count: usize, se
     let keys: Vec<Gesture> = (0..keys).map(|i| Gesture::random(anatomy, i, &mut rng)).collect();
     (0..count)
         .map(|frame| {
-            let (segment, t) = (frame / 3, (frame % 3) as f64 / 3.0);
+            let segment = frame / 3;
+            let t = (frame % 3) as f64 / 3.0;
             let key = |i: usize| &keys[(segment + i).saturating_sub(1).min(keys.len() - 1)];
             Gesture::between([key(0), key(1), key(2), key(3)], t).pose(anatomy, joint_count)
         })

@@ -79,7 +79,8 @@ impl TrueHand {
             model = subdivided(&model);
         }
         let complexion = Complexion::of(seed);
-        let (skin, folds) = (Skin::new(&anatomy, &complexion, seed), Folds::new(&anatomy, seed));
+        let skin = Skin::new(&anatomy, &complexion, seed);
+        let folds = Folds::new(&anatomy, seed);
         let finger_weights: Vec<Vec<f64>> =
             (0..model.vertices.len()).map(|v| anatomy.finger_weights(model.vertex_weights(v))).collect();
         let normals = model.vertex_normals(&model.vertices);

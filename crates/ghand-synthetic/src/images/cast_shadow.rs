@@ -81,7 +81,8 @@ impl HeightMap {
             let first = (v - SOFTNESS).ceil().max(0.0) as usize;
             first..((v + SOFTNESS).floor().max(-1.0) + 1.0).min(count as f64) as usize
         };
-        let (mut lit, mut all) = (0.0, 0.0);
+        let mut lit = 0.0;
+        let mut all = 0.0;
         for row in near(at.y, rows) {
             for column in near(at.x, self.columns) {
                 let away = (DVec2::new(column as f64, row as f64) - at).abs();

@@ -55,7 +55,8 @@ pub(crate) fn draw(
             let Some(split) = capture.splits.get(split).filter(|split| split.frames.contains(&frame)) else { continue };
             for &camera in &split.cameras {
                 let exposure = exposures.map_or([1.0; 3], |all| all[camera]);
-                let (background, masks) = (&backgrounds[camera], options.masks);
+                let background = &backgrounds[camera];
+                let masks = options.masks;
                 Shot { capture, hand, posed: &posed, lighting: &lighting, camera, frame, exposure, background, masks }
                     .take(errors, render)?;
             }
@@ -81,8 +82,10 @@ struct Shot<'a> {
 
 impl Shot<'_> {
     fn take(&self, errors: &MaskErrors, render: &mut RenderScene) -> Result<(), CaptureError> {
-        let (capture, posed) = (self.capture, self.posed);
-        let (camera, frame) = (&capture.cameras[self.camera], &capture.frames[self.frame].id);
+        let capture = self.capture;
+        let posed = self.posed;
+        let camera = &capture.cameras[self.camera];
+        let frame = &capture.frames[self.frame].id;
         let scene = SceneMesh {
             positions: &posed.positions,
             normals: &posed.normals,
@@ -116,7 +119,8 @@ impl Shot<'_> {
     }
 
     fn rendered(&self, scene: &SceneMesh, render: &mut RenderScene) -> Result<Vec<[u8; 4]>, CaptureError> {
-        let (camera, frame) = (&self.capture.cameras[self.camera], &self.capture.frames[self.frame].id);
+        let camera = &self.capture.cameras[self.camera];
+        let frame = &self.capture.frames[self.frame].id;
         let failed = |problem| CaptureError::Render { frame: frame.into(), camera: camera.id.clone(), problem };
         let pixels = render(scene, camera).map_err(failed)?;
         let expected = camera.width as usize * camera.height as usize;

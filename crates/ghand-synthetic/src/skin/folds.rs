@@ -63,7 +63,9 @@ impl Fold {
 
 /// The skin in a pose, from its pose-independent appearance.
 pub(crate) fn bent(still: &Look, folds: &[Fold], bend: &Bend, complexion: &Complexion) -> Look {
-    let (mut crease, mut pale, mut height) = (0.0, 0.0, still.height);
+    let mut crease = 0.0;
+    let mut pale = 0.0;
+    let mut height = still.height;
     for fold in folds {
         let at = |[rest, full]: [f64; 2]| rest + (full - rest) * bend.slots[fold.slot];
         crease += at(fold.crease);

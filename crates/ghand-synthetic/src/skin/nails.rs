@@ -119,7 +119,9 @@ fn seed(model: &HandModel, shapes: &[FaceShape], bone: &LastBone) -> Option<usiz
 fn plate_faces(model: &HandModel, shapes: &[FaceShape], seed: usize, tip: DVec3) -> Option<Vec<usize>> {
     let neighbours = neighbours(&model.faces);
     let mut plate = vec![seed];
-    let (mut next, mut walls, mut edges) = (0, 0, 0);
+    let mut next = 0;
+    let mut walls = 0;
+    let mut edges = 0;
     while let Some(&face) = plate.get(next) {
         next += 1;
         for &other in &neighbours[face] {

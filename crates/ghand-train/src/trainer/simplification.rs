@@ -192,7 +192,8 @@ impl Problem {
 
     /// Lengths of texels' edges, pixels, below which more and more texels are merged.
     fn merging(&self, gpu: &Gpu) -> Result<Vec<String>, TrainError> {
-        let (capture, poses) = (&self.capture, &self.prepared.poses);
+        let capture = &self.capture;
+        let poses = &self.prepared.poses;
         let samples = sample_surface(&capture.template, self.settings.uv_resolution)?;
         let mut edges = largest_edges(gpu, capture, &self.split, poses, samples)?;
         let count = edges.len();

@@ -114,7 +114,8 @@ impl Problem {
         let state_after = |step: &Step, done: u64, losses: &Losses, skipped: SkippedSteps| -> Result<_, RenderError> {
             let numbers = step.state(gpu, self.prepared.poses.len())?;
             let iterations_done = stage.done + done;
-            let (number, losses) = (stage.number, losses.clone());
+            let number = stage.number;
+            let losses = losses.clone();
             let iteration = done;
             Ok(StageState { number, iteration, iterations_done, began, loss_at_start, losses, skipped, numbers })
         };
@@ -130,7 +131,8 @@ impl Problem {
             }
             // An avatar without a single iteration is not a result either.
             if stop_requested && (stage.refine_poses || done == 0) {
-                let (iteration, iterations) = (stage.done + done, self.settings.iterations);
+                let iteration = stage.done + done;
+                let iterations = self.settings.iterations;
                 return Err(TrainError::Stopped { iteration, iterations });
             }
             if stop_requested {
@@ -183,7 +185,9 @@ impl Problem {
             }
             let l1 = losses.mean.filter(|_| done.is_multiple_of(LOSS_EVERY));
             if l1.is_some() || held_out_psnr.is_some() {
-                let (iteration, stage, seconds) = (stage.done + done, stage.number, run.seconds());
+                let iteration = stage.done + done;
+                let stage = stage.number;
+                let seconds = run.seconds();
                 run.curve.push(CurvePoint { iteration, stage, seconds, l1, held_out_psnr });
             }
             progress(&TrainingProgress {
@@ -205,7 +209,9 @@ impl Problem {
         let checked = check_hand(&response, &moved, &poses).and_then(|()| check_gaussians(&tables));
         checked.map_err(|fault| diverged(fault, done))?;
         let loss_at_end = self.reference_loss(gpu, &mut step, stage, background)?;
-        let (mut seen, mut held_out_psnr, mut previews) = (None, None, vec![]);
+        let mut seen = None;
+        let mut held_out_psnr = None;
+        let mut previews = vec![];
         if !stage.refine_poses {
             (held_out_psnr, previews) = self.previews(gpu, &mut step, background)?;
             let weights = self.seen_weights(gpu, &mut step, stage, avatar.template.len())?;
@@ -293,7 +299,9 @@ impl Problem {
         background: [f32; 3],
     ) -> Result<(Option<f64>, Vec<Preview>), TrainError> {
         let Some(watched) = &self.watched else { return Ok((None, vec![])) };
-        let (mut previews, mut psnr, reduction) = (vec![], 0.0, self.reduction(gpu));
+        let mut previews = vec![];
+        let mut psnr = 0.0;
+        let reduction = self.reduction(gpu);
         for k in 0..watched.views.len() {
             let view = watched.views.get(k, reduction)?;
             let drawn = step.picture(gpu, self.prepared.poses.len() + k, &view.camera, background)?;

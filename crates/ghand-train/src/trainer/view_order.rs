@@ -28,7 +28,8 @@ impl<'a> ViewOrder<'a> {
     /// Up to `together` views of a frame come together, each view in a part `weights` of the passes. The first `skipped`
     /// steps are skipped.
     pub fn new(views: &'a TrainViews, weights: Vec<f64>, seed: u64, together: usize, skipped: u64) -> ViewOrder<'a> {
-        let (rng, order) = (ChaCha8Rng::seed_from_u64(seed), vec![]);
+        let rng = ChaCha8Rng::seed_from_u64(seed);
+        let order = vec![];
         let mut order = ViewOrder { views, together, rng, turns: Turns::new(weights), order, frames: vec![] };
         for _ in 0..skipped {
             order.next();

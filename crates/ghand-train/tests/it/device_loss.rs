@@ -102,7 +102,8 @@ fn a_step_an_evaluation_and_a_capture_report_a_lost_device() {
         let (trained, _) = train(&capture, None);
         let split = capture.split("train").unwrap();
         let views = TrainViews::new(&capture, split, 16).unwrap();
-        let (view, size) = (&views.get(0, 1).unwrap(), [64, 96]);
+        let view = &views.get(0, 1).unwrap();
+        let size = [64, 96];
         let poses: Vec<_> = split.frames.iter().map(|f| capture.frames[*f].pose.clone()).collect();
         let mobility: Vec<f32> = moving_joints(&poses).iter().map(|m| f32::from(*m)).collect();
         let mut step = Step::new(&gpu, &trained.avatar, poses.len(), size, &mobility).unwrap();

@@ -15,7 +15,8 @@ use rand::{RngExt, SeedableRng};
 
 /// Lengths of all Gaussians' offsets in a pose, metres, and the logits of their colours.
 fn offsets_and_logits(avatar: &Avatar, pose: &Pose) -> (Vec<f64>, Vec<f64>) {
-    let (count, config) = (avatar.template.len(), &avatar.config);
+    let count = avatar.template.len();
+    let config = &avatar.config;
     let PropertyTables::Direct(tables) = &avatar.tables else { unreachable!() };
     let weights: Vec<f64> = avatar.template.weights.iter().map(|w| f64::from(*w)).collect();
     let response = tables.pose_response(config.channels());

@@ -140,7 +140,8 @@ fn exact(planted: &PlantedLight) -> Light {
 fn relit_avatar() {
     let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
     let open = |name: &str| Capture::open(std::env::var_os(name).unwrap().as_ref()).unwrap();
-    let (key, rim) = (open("CAPTURE"), open("RIM"));
+    let key = open("CAPTURE");
+    let rim = open("RIM");
     let iterations = std::env::var("ITERATIONS").map_or(800, |text| text.parse().unwrap());
     let settings = TrainSettings { iterations, ..Default::default() };
     let trained = Trainer::new(&gpu, &key, "train", &settings).unwrap().train(|_| ()).unwrap();

@@ -116,7 +116,8 @@ fn rms(values: impl Iterator<Item = f64>) -> f64 {
 /// Residual weights less their mean over the joints, of one Gaussian.
 fn effective_weights(avatar: &Avatar, p: usize) -> Vec<f64> {
     let PropertyTables::Direct(tables) = &avatar.tables else { unreachable!() };
-    let (n, joints) = (avatar.template.len(), avatar.template.joint_count());
+    let n = avatar.template.len();
+    let joints = avatar.template.joint_count();
     let values: Vec<f64> = (0..joints).map(|k| f64::from(tables.residual_weights[k * n + p])).collect();
     let mean = values.iter().sum::<f64>() / joints as f64;
     values.iter().map(|value| value - mean).collect()
@@ -125,7 +126,8 @@ fn effective_weights(avatar: &Avatar, p: usize) -> Vec<f64> {
 /// The offset of each Gaussian in a pose, metres.
 fn offsets(avatar: &Avatar, pose: &Pose) -> Vec<[f64; 3]> {
     let PropertyTables::Direct(tables) = &avatar.tables else { unreachable!() };
-    let (n, channels) = (avatar.template.len(), avatar.config.channels());
+    let n = avatar.template.len();
+    let channels = avatar.config.channels();
     let wide = |values: &[f32]| values.iter().map(|value| f64::from(*value)).collect::<Vec<_>>();
     let (bias, gain) = tables.response.split_at(channels);
     let limits = vec![UNLIMITED; channels * avatar.template.joint_count()];
@@ -153,7 +155,8 @@ fn where_plain_skinning_is_the_truth_the_residual_skeleton_gains_nothing() {
 #[test]
 fn where_the_surface_deforms_linearly_with_the_pose_the_bases_recover_it() {
     let planted = planted(|avatar| {
-        let (n, joints) = (avatar.template.len(), avatar.template.joint_count());
+        let n = avatar.template.len();
+        let joints = avatar.template.joint_count();
         let channels = avatar.config.channels();
         let normals = avatar.template.normals.clone().unwrap();
         let tables = tables(avatar);
@@ -178,7 +181,8 @@ fn where_the_surface_deforms_linearly_with_the_pose_the_bases_recover_it() {
     // What changes with the pose.
     let error = |trained: &Trained, split: &str| {
         let frames = &planted.capture.split(split).unwrap().frames;
-        let (truth, found) = (mean(&planted.truth, frames), mean(&trained.avatar, frames));
+        let truth = mean(&planted.truth, frames);
+        let found = mean(&trained.avatar, frames);
         let seen = planted.seen(trained);
         let centred = |of: &[Vec<[f64; 3]>], f: usize, p: usize, c: usize| {
             of[f][p][c] - of.iter().map(|frame| frame[p][c]).sum::<f64>() / of.len() as f64
@@ -187,7 +191,8 @@ fn where_the_surface_deforms_linearly_with_the_pose_the_bases_recover_it() {
         let size = rms(each().map(|(f, p, c)| centred(&truth, f, p, c)));
         (rms(each().map(|(f, p, c)| centred(&truth, f, p, c) - centred(&found, f, p, c))), size)
     };
-    let ([of_baseline, _], [of_bases, size]) = (error(&base, "test").into(), error(&bases, "test").into());
+    let [of_baseline, _] = error(&base, "test").into();
+    let [of_bases, size] = error(&bases, "test").into();
     println!(
         "linear deformation: baseline {baseline:.2} dB, hgbs {hgbs:.2} dB; offsets in new poses off by {:.2} and {:.2} mm of {:.2}",
         1e3 * of_baseline,

@@ -56,7 +56,8 @@ fn what_frames_left_out_do_not_require_is_left_out() {
     // The avatar has what was taken.
     assert_eq!(trained.settings, found.apply(&settings).unwrap());
     // The images that were left out show a little more of the hand.
-    let (gaussians, tried) = (trained.avatar.template.len(), taken.gaussians);
+    let gaussians = trained.avatar.template.len();
+    let tried = taken.gaussians;
     assert!(gaussians.abs_diff(tried) * 50 <= tried, "{gaussians} Gaussians, {tried} were tried");
     assert_eq!(trained.avatar.config, trained.settings.avatar());
     // A run that is interrupted afterwards does not try again, and ends with the same avatar.

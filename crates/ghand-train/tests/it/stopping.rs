@@ -129,7 +129,8 @@ fn a_loss_that_rises_ends_a_run_and_names_the_setting() {
 #[test]
 fn runs_of_a_few_iterations_do_not_count_as_failed() {
     with_capture(|gpu, capture| {
-        let (paper, off) = (Align::Paper, Align::Off);
+        let paper = Align::Paper;
+        let off = Align::Off;
         for (iterations, align) in [(1, paper), (2, paper), (4, paper), (4, off), (10, paper)] {
             for seed in 1..=3 {
                 let trained = train(gpu, capture, &TrainSettings { iterations, align, seed, ..settings() });

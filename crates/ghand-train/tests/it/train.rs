@@ -61,10 +61,8 @@ fn training_beats_the_baseline_on_new_poses_and_views_and_improves_the_poses() {
     let evaluation = evaluate(&gpu, &trained.avatar, &capture, "test", &baseline, |_| seen += 1).unwrap();
     assert_eq!((evaluation.views, seen), (4, 4));
     // Training takes a few seconds, about 500 steps for the avatar. The full demo gains several times as much.
-    let (gain, hand_gain) = (
-        evaluation.avatar.psnr - evaluation.baseline.psnr,
-        evaluation.avatar.psnr_hand - evaluation.baseline.psnr_hand,
-    );
+    let gain = evaluation.avatar.psnr - evaluation.baseline.psnr;
+    let hand_gain = evaluation.avatar.psnr_hand - evaluation.baseline.psnr_hand;
     assert!(gain >= 2.0 && hand_gain >= 1.0, "only {gain} dB, {hand_gain} dB on the hand, above the floor");
     let truth: Vec<_> = split.frames.iter().map(|f| capture.truth.as_ref().unwrap()[*f].clone().unwrap()).collect();
     let given: Vec<_> = split.frames.iter().map(|f| capture.frames[*f].pose.clone()).collect();

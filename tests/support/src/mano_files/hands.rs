@@ -78,7 +78,8 @@ impl Hand {
         regressor: Vec<Vec<(u32, f64)>>,
         shapes: (usize, usize),
     ) -> Hand {
-        let (n, bones) = (vertices.len(), parents.len() - 1);
+        let n = vertices.len();
+        let bones = parents.len() - 1;
         // The first direction is growth along all axes, which distinguishes left from right; the others are small.
         let growth = |at: usize| match at % shapes.0 {
             0 => 0.1 * vertices[at / shapes.0] + 1e-4 * number(at),

@@ -67,7 +67,9 @@ pub fn array(code: &'static str, shape: &[usize], fortran: bool, values: &[f64])
 
 /// `scipy.sparse.csc_matrix` of rows of `(column, value)`.
 pub fn sparse_columns(columns: usize, rows: &[Vec<(u32, f64)>]) -> Py {
-    let (mut data, mut indices, mut starts) = (vec![], vec![], vec![0.0]);
+    let mut data = vec![];
+    let mut indices = vec![];
+    let mut starts = vec![0.0];
     for column in 0..columns {
         for (row, entries) in rows.iter().enumerate() {
             for (_, value) in entries.iter().filter(|(at, _)| *at as usize == column) {

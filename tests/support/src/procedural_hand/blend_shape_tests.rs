@@ -61,7 +61,8 @@ fn blended_only() -> HandModel {
 
 #[test]
 fn a_unit_of_a_fingers_length_lengthens_it_by_3_6_percent_and_moves_no_other_tip() {
-    let (model, tips) = (hand(), tips());
+    let model = hand();
+    let tips = tips();
     let lengths = ProceduralHand::default();
     let documented = [lengths.thumb_length, lengths.finger_lengths[0], lengths.finger_lengths[1]]
         .into_iter()
@@ -118,7 +119,8 @@ fn the_other_shape_directions_change_what_their_names_say_by_the_documented_amou
         assert!((value - expected).abs() <= tolerance, "{what}");
     };
     let middle = wide("middle", DVec3::Z);
-    let (thick, rest) = (wide("middle", DVec3::X), shape_hand(model, &[]).unwrap());
+    let thick = wide("middle", DVec3::X);
+    let rest = shape_hand(model, &[]).unwrap();
     let palm = between("wrist", "middle1");
     let knuckles = between("index1", "pinky1");
     let (index, thumb) = (between("index1", "index3"), between("thumb1", "thumb3"));
@@ -210,7 +212,8 @@ fn a_bent_finger_keeps_its_volume_with_correctives() {
         let mut pose = Pose::rest(16);
         pose.rotations[joint(name)] = DVec3::NEG_Z * std::f64::consts::FRAC_PI_2;
         let loss = |model: &HandModel| rest - volume(&pose_hand(model, &[], &pose).unwrap().vertices);
-        let (blended, corrected) = (loss(&blended_only()), loss(model));
+        let blended = loss(&blended_only());
+        let corrected = loss(model);
         println!("{name}: loses {:.2} cm^3 blended, {:.2} corrected", blended * 1e6, corrected * 1e6);
         assert!(corrected.abs() < 0.4 * blended.abs(), "{name}");
     }
@@ -221,7 +224,8 @@ fn correctives_flip_hardly_more_triangles_than_blending_alone() {
     for name in POSE_NAMES {
         let pose = named_pose(name, hand()).unwrap();
         let count = |model: &HandModel| inverted(&pose_hand(model, &[], &pose).unwrap().vertices);
-        let (blended, corrected) = (count(&blended_only()), count(hand()));
+        let blended = count(&blended_only());
+        let corrected = count(hand());
         println!("{name}: {blended} blended, {corrected} corrected");
         // The skin inside a hinge bent by more than a right angle folds onto itself either way: in the fist 6 for 5.
         assert!(corrected <= blended + 1 && corrected <= 6, "{name}");
@@ -244,8 +248,8 @@ fn the_left_hand_in_a_mirrored_pose_is_the_mirror_image_in_every_shape() {
         let rotations: Vec<DVec3> = pose.rotations.iter().map(|r| -mirror * *r).collect();
         let mirrored = Pose { rotations, translation: mirror * pose.translation };
         let m = DMat3::from_diagonal(mirror);
-        let (turned, expected) =
-            (rotation_from_axis_angle(mirrored.rotations[3]), rotation_from_axis_angle(pose.rotations[3]));
+        let turned = rotation_from_axis_angle(mirrored.rotations[3]);
+        let expected = rotation_from_axis_angle(pose.rotations[3]);
         assert!((turned - m * expected * m).abs_diff_eq(DMat3::ZERO, 1e-15));
         let (of_left, of_right) =
             (pose_hand(&left, &shape, &mirrored).unwrap(), pose_hand(hand(), &shape, &pose).unwrap());

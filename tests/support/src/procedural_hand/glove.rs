@@ -185,7 +185,8 @@ impl Chain {
     fn bends(&self, p: DVec3) -> [f64; 3] {
         [0, 1, 2].map(|k| {
             let at = self.first_point + k;
-            let (joint, radius) = (self.points[at], self.radii[at]);
+            let joint = self.points[at];
+            let radius = self.radii[at];
             let to = (self.points[at + 1] - joint).normalize();
             let from = (joint - self.points[at - 1]).normalize();
             let along = (p - joint).dot((to + from).normalize());

@@ -118,7 +118,8 @@ impl Pattern {
         };
         let next: BTreeMap<u32, u32> = self.outline_edges().iter().map(|e| (e[0], e[1])).collect();
         let Some(&start) = next.keys().next() else { return false };
-        let (mut at, mut steps) = (start, 0);
+        let mut at = start;
+        let mut steps = 0;
         loop {
             let Some(&to) = next.get(&at) else { return false };
             (at, steps) = (to, steps + 1);

@@ -88,7 +88,8 @@ fn displacements(hand: &ProceduralHand, skeleton: &Skeleton, place: &SharedPoint
         let carried = if thumb { along_palm(chain.points[1]) } else { along_palm(p) };
         moved[1].y -= share * carried * PALM_LENGTH * hand.palm_length;
         // From the knuckle on (point 2 of fingers and thumb) everything moves sideways together.
-        let (knuckle, radius) = (chain.points[2], chain.radii[2]);
+        let knuckle = chain.points[2];
+        let radius = chain.radii[2];
         let beyond = (p - knuckle).dot((chain.points[3] - knuckle).normalize()) / radius;
         let free = soft_clamp(0.5 * beyond + 0.5, 0.5);
         moved[2].z += share * widening * (p.z + free * (knuckle.z - p.z));

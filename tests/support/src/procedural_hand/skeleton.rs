@@ -133,7 +133,8 @@ fn thumb_chain(hand: &ProceduralHand) -> Chain {
     };
     let flat_directions = [-60.0, -50.0, -45.0];
     for k in 0..3 {
-        let (point, flat) = (chain.points[k + 1], chain.flat[k + 1]);
+        let point = chain.points[k + 1];
+        let flat = chain.flat[k + 1];
         chain.points.push(point + ways[k] * directions[k].normalize());
         chain.flat.push(flat + ways[k] * heading(flat_directions[k]));
         chain.radii.push(0.5 * hand.thumb_width * [1.08, 0.96, 0.82][k]);
@@ -146,7 +147,9 @@ fn flesh(hand: &ProceduralHand, chains: &[Chain], scale: f64) -> Flesh {
     let mut groups = Vec::new();
     for (finger, chain) in chains.iter().enumerate().take(4) {
         let head = hand.palm_thickness * [0.425, 0.44, 0.415, 0.37][finger];
-        let (stub, carpal, knuckle) = (chain.points[0], chain.points[1], chain.points[2]);
+        let stub = chain.points[0];
+        let carpal = chain.points[1];
+        let knuckle = chain.points[2];
         palm.push(curved_row([(stub, chain.radii[0]), (carpal, chain.radii[1]), (knuckle, head)]));
         let base = chain.radii[2];
         // The finger's root fades out in the palm, so that there is no step at the knuckle.
@@ -236,7 +239,8 @@ fn outline(hand: &ProceduralHand, chains: &[Chain], scale: f64) -> Flesh {
         groups.push(Group { fillet: 0.004 * scale, rows: vec![bones] });
     }
     let thumb = &chains[4];
-    let (skin, metacarpal) = (thumb.flat[2].lerp(thumb.flat[1], 0.35), chains[0].flat[1].lerp(chains[0].flat[2], 0.62));
+    let skin = thumb.flat[2].lerp(thumb.flat[1], 0.35);
+    let metacarpal = chains[0].flat[1].lerp(chains[0].flat[2], 0.62);
     palm.push(vec![Capsule::new(on_cloth(skin), 0.0130 * scale, on_cloth(metacarpal), 0.0130 * scale)]);
     groups.insert(0, Group { fillet: 0.012 * scale, rows: palm });
     Flesh { groups, web: 0.004 * scale }

@@ -123,7 +123,9 @@ impl ReferencePictures {
     /// # Errors
     /// An error if the device failed.
     pub fn loss(&self, gpu: &Gpu, baked: &Avatar) -> anyhow::Result<Loss> {
-        let (mut db, mut on_images, mut psnr_to_exact) = (0.0, None, vec![]);
+        let mut db = 0.0;
+        let mut on_images = None;
+        let mut psnr_to_exact = vec![];
         let count = self.pictures.len().max(1) as f64;
         for (picture, drawn) in self.pictures.iter().zip(self.draw(gpu, baked)?) {
             let to_exact = squared_error(&picture.exact, &drawn);

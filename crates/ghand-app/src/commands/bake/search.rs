@@ -55,7 +55,8 @@ pub fn smallest(
         if all.loss.db > max_loss {
             continue;
         }
-        let (mut best, mut too_few) = (all, 0);
+        let mut best = all;
+        let mut too_few = 0;
         while (best.blocks - too_few) as f64 > (RESOLUTION * best.blocks as f64).max(1.0) {
             // Few blocks bring much: the middle of the logarithms is found sooner.
             let middle = (too_few as f64 + 1.0) * (best.blocks as f64 + 1.0);
@@ -104,7 +105,8 @@ fn largest_within(bake: &Bake, precision: Precision, bytes: usize) -> anyhow::Re
             "--max-mb {wanted}: is too small for this avatar's Gaussians; without any component it has {least:.2} MB"
         );
     }
-    let (mut fits, mut too_many) = (0, bake.blocks() + 1);
+    let mut fits = 0;
+    let mut too_many = bake.blocks() + 1;
     while too_many - fits > 1 {
         let middle = (fits + too_many) / 2;
         if size(middle)? <= bytes {

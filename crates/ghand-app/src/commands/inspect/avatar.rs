@@ -12,7 +12,9 @@ use super::scene::file_size;
 
 /// The description of an avatar, as lines.
 pub fn describe(path: &Path, avatar: &Avatar) -> String {
-    let (template, model, config) = (&avatar.template, &avatar.model, &avatar.config);
+    let template = &avatar.template;
+    let model = &avatar.model;
+    let config = &avatar.config;
     let side = if template.side == Side::Left { "left" } else { "right" };
     let mut lines = vec![format!("{}: avatar of {}, {side}", path.display(), template.name)];
     let mut row = |name: &str, text: String| lines.push(format!("  {name:<12} {text}").trim_end().to_owned());

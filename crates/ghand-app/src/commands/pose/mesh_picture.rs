@@ -125,7 +125,8 @@ fn line_width(model: &HandModel, positions: &[DVec3], camera: &Camera) -> f64 {
     let sides = model.faces.iter().flat_map(|[a, b, c]| [[a, b], [b, c], [c, a]]);
     let ends = sides.filter_map(|side| {
         let [a, b] = side.map(|i| pixels.get(*i as usize));
-        let ((a, _), (b, _)) = (a.filter(|p| p.1 > NEAR_PLANE)?, b.filter(|p| p.1 > NEAR_PLANE)?);
+        let (a, _) = a.filter(|p| p.1 > NEAR_PLANE)?;
+        let (b, _) = b.filter(|p| p.1 > NEAR_PLANE)?;
         Some(a.distance(*b))
     });
     let mut lengths: Vec<f64> = ends.collect();

@@ -35,7 +35,8 @@ pub(super) fn evaluate(
     let Inputs { capture, start, train_split, lpips, .. } = inputs;
     let test_split = plan.test_split();
     let mut shown = None;
-    let (mut images, mut given) = (None, None);
+    let mut images = None;
+    let mut given = None;
     if let Some(split) = capture.splits.get(test_split).filter(|split| !split.views.is_empty()) {
         let mut cut = refined.clone();
         cut.images.aligned = trained.masks_of.clone();

@@ -42,7 +42,9 @@ impl CommandPalette {
     /// Shows the palette with those of the entries that fit the typed text.
     pub fn show<A: Clone>(&mut self, context: &Context, entries: &[Entry<A>]) -> Choice<A> {
         let down = |key| context.input_mut(|input| input.consume_key(Modifiers::NONE, key));
-        let (next, before, enter) = (down(Key::ArrowDown), down(Key::ArrowUp), down(Key::Enter));
+        let next = down(Key::ArrowDown);
+        let before = down(Key::ArrowUp);
+        let enter = down(Key::Enter);
         let width = WIDTH.min(context.content_rect().width() - 40.0);
         let area = Modal::default_area(Id::unique("palette")).anchor(Align2::CENTER_TOP, [0.0, 60.0]);
         let mut chosen = None;

@@ -35,7 +35,8 @@ impl CapturePanel {
     /// One sentence that names the file and the field; also if the poses do not fit the hand model.
     pub fn open(path: &Path, options: &CaptureReading, model: &HandModel) -> anyhow::Result<CapturePanel> {
         let opened = options.open(path)?;
-        let (capture, mut remarks) = (opened.capture, opened.warnings);
+        let capture = opened.capture;
+        let mut remarks = opened.warnings;
         ensure!(!capture.cameras.is_empty() && !capture.frames.is_empty(), "{}: has no views", path.display());
         check_sides(&model.name, model.side, &capture)?;
         // Poses of another skeleton are carried over as those of a file are.

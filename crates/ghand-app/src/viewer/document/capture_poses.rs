@@ -77,7 +77,8 @@ impl CapturePoses {
             chain.world.iter().map(|joint| joint.translation + pose.translation).collect::<Vec<_>>()
         };
         let distance = |(given, trained): (&PoseFrame, &Option<Pose>)| {
-            let (given, trained) = (joints(&given.pose), joints(trained.as_ref()?));
+            let given = joints(&given.pose);
+            let trained = joints(trained.as_ref()?);
             let sum: f64 = given.iter().zip(&trained).map(|(a, b)| a.distance(*b)).sum();
             Some(sum / given.len() as f64)
         };

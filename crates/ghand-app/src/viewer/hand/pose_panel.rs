@@ -259,7 +259,10 @@ mod tests {
     fn known_joints_have_sliders_for_how_they_move_and_others_for_model_axes() {
         let mut model = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();
         let joint = |name: &str| model.joint_index(name).unwrap();
-        let (wrist, knuckle, hinge, thumb) = (joint("wrist"), joint("index1"), joint("index2"), joint("thumb1"));
+        let wrist = joint("wrist");
+        let knuckle = joint("index1");
+        let hinge = joint("index2");
+        let thumb = joint("thumb1");
         let panel = PosePanel::new(&model);
         assert_eq!(labels(&panel, wrist), ["x", "y", "z"]);
         assert_eq!(labels(&panel, knuckle), ["flexion", "abduction"]);

@@ -58,9 +58,12 @@ impl Thumbnails {
     pub fn begin(&mut self, gpu: &Gpu, subject: DrawnSubject, model: &HandModel, poses: Vec<Pose>, context: &Context) {
         self.textures = vec![None; poses.len()];
         let (sender, made) = channel();
-        let (is_paused, stop) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicBool::new(false)));
+        let is_paused = Arc::new(AtomicBool::new(false));
+        let stop = Arc::new(AtomicBool::new(false));
         self.job = Some(Job { made, is_paused: is_paused.clone(), stop: stop.clone() });
-        let (gpu, model, context) = (gpu.clone(), model.clone(), context.clone());
+        let gpu = gpu.clone();
+        let model = model.clone();
+        let context = context.clone();
         std::thread::spawn(move || {
             // A device of its own: the window's cannot be resized while another thread keeps it busy. One that is lost or full
             // makes no pictures; the buttons have their names.

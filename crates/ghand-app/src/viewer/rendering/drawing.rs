@@ -103,7 +103,8 @@ impl Drawing {
                     posed(encoder);
                     scene.splatter().forward_timed(encoder, timestamps);
                 }
-                let (image, camera) = (scene.splatter().image().clone(), &inputs.camera);
+                let image = scene.splatter().image().clone();
+                let camera = &inputs.camera;
                 Ok(Layer { image, origin: [0; 2], size: [camera.width, camera.height] })
             }
             Drawing::Mesh(mesh) => {
@@ -170,7 +171,8 @@ impl Drawing {
             }
             Drawing::Mesh(mesh) => {
                 let posed = mesh.posed(inputs)?;
-                let (instance, style) = (mesh.hand.instance(&posed), mesh_style(&inputs.camera));
+                let instance = mesh.hand.instance(&posed);
+                let style = mesh_style(&inputs.camera);
                 let image = mesh.renderer.render(&instance, &inputs.camera, &style).map_err(render_error)?;
                 picture.place_mesh([0; 2], &image);
                 Ok(())
@@ -247,7 +249,8 @@ fn set_inputs(scene: &mut Scene, gpu: &Gpu, inputs: &PictureInputs) -> Result<()
 
 /// Replaces the colours of posed Gaussians.
 fn set_colors(scene: &Scene, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, colors: &GaussianColors) {
-    let (splatter, row_bytes) = (scene.splatter(), (size_of::<f32>() * scene.splatter().count()) as u64);
+    let splatter = scene.splatter();
+    let row_bytes = (size_of::<f32>() * scene.splatter().count()) as u64;
     let first = splatter.options().model.color_row() as u64 * row_bytes;
     match (colors, scene.avatars().first()) {
         (GaussianColors::Unlit, Some(avatar)) => {
@@ -258,7 +261,8 @@ fn set_colors(scene: &Scene, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, colo
             gpu.queue.write_buffer(splatter.gaussians(), first, bytemuck::cast_slice(colors));
         }
         (GaussianColors::Dots, Some(_)) => {
-            let (model, count) = (splatter.options().model, splatter.count());
+            let model = splatter.options().model;
+            let count = splatter.count();
             let scales = vec![DOT_SCALE; count * model.scale_rows()];
             let place = SplatModel::SCALE_ROW as u64 * row_bytes;
             gpu.queue.write_buffer(splatter.gaussians(), place, bytemuck::cast_slice(&scales));
@@ -281,7 +285,8 @@ impl MeshDrawing {
 
     fn read(&self, inputs: &PictureInputs) -> Result<Vec<[f32; 3]>, RenderError> {
         let posed = self.posed(inputs)?;
-        let (instance, style) = (self.hand.instance(&posed), mesh_style(&inputs.camera));
+        let instance = self.hand.instance(&posed);
+        let style = mesh_style(&inputs.camera);
         let image = self.renderer.render(&instance, &inputs.camera, &style).map_err(render_error)?;
         let over = |p: &[f32; 4]| [0, 1, 2].map(|c| p[c] + (1.0 - p[3]) * inputs.background[c]);
         Ok(image.rgba.iter().map(over).collect())
@@ -289,7 +294,8 @@ impl MeshDrawing {
 
     fn encode(&self, encoder: &mut wgpu::CommandEncoder, inputs: &PictureInputs) -> Result<Layer, RenderError> {
         let posed = self.posed(inputs)?;
-        let (instance, style) = (self.hand.instance(&posed), mesh_style(&inputs.camera));
+        let instance = self.hand.instance(&posed);
+        let style = mesh_style(&inputs.camera);
         // Without the empty part of the picture: most of the time goes into pixels.
         let (origin, size) = part_with(instance.positions, &inputs.camera);
         let camera = inputs.camera.cropped(origin[0] as i32, origin[1] as i32, size[0], size[1]);

@@ -79,7 +79,11 @@ impl Picture {
             usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
             mapped_at_creation: false,
         });
-        let (target, pending, frame_ms, intersections, broken) = (None, None, Median::default(), 0, 0);
+        let target = None;
+        let pending = None;
+        let frame_ms = Median::default();
+        let intersections = 0;
+        let broken = 0;
         Picture {
             drawing,
             colors: GaussianColors::Own,

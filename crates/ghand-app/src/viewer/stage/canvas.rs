@@ -212,7 +212,8 @@ impl Canvas {
 
     fn show_texture(&mut self, renderer: &mut egui_wgpu::Renderer) {
         let Some(view) = self.picture.view() else { return };
-        let (device, filter) = (&self.gpu.device, wgpu::FilterMode::Linear);
+        let device = &self.gpu.device;
+        let filter = wgpu::FilterMode::Linear;
         match self.texture {
             Some(id) => renderer.update_egui_texture_from_wgpu_texture(device, view, filter, id),
             None => self.texture = Some(renderer.register_native_texture(device, view, filter)),
@@ -268,7 +269,8 @@ impl Canvas {
     /// Says why there is no picture.
     pub fn paint_failure(&self, ui: &Ui, rect: Rect) {
         if let Some(failure) = &self.failure {
-            let (text, font) = (failure.to_string(), FontId::proportional(15.0));
+            let text = failure.to_string();
+            let font = FontId::proportional(15.0);
             ui.painter().text(rect.center(), Align2::CENTER_CENTER, text, font, ui.visuals().error_fg_color);
         }
     }

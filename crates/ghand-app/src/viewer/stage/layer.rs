@@ -218,7 +218,8 @@ impl Layer {
                 Some(LayerColors { colors: vec![1.0; 3 * avatar.template.len()], legend })
             }
             Layer::Residual => {
-                let (count, joints) = (avatar.template.len(), avatar.template.joint_count());
+                let count = avatar.template.len();
+                let joints = avatar.template.joint_count();
                 let learned = &inputs.properties?.residual_weights;
                 let name = avatar.model.joint_names.get(inputs.joint)?;
                 let of_joint = inputs.joint * count..(inputs.joint + 1) * count;
@@ -237,7 +238,8 @@ impl Layer {
             }
             Layer::Coefficient => {
                 let properties = inputs.properties?;
-                let (count, rows) = (avatar.template.len(), properties.rows);
+                let count = avatar.template.len();
+                let rows = properties.rows;
                 let length = rows * count;
                 let of_basis = properties.coefficients.get(inputs.basis * length..(inputs.basis + 1) * length)?;
                 let sum = |point: usize| of_basis.iter().skip(point).step_by(count).map(|v| f64::from(*v)).sum::<f64>();

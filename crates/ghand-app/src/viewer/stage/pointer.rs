@@ -59,7 +59,8 @@ impl Pointer {
     pub fn paint_handles(&self, ui: &Ui, hand: &mut Hand, screen: &Screen, settings: &Settings) {
         let held = self.drags.held_handle();
         let painter = ui.painter().with_clip_rect(screen.rect);
-        let (pose, shape) = (hand.pose.clone(), hand.shape.clone());
+        let pose = hand.pose.clone();
+        let shape = hand.shape.clone();
         if let Some(joint) = hand.pointed_at().filter(|_| settings.panel_shown) {
             draw_joint(&painter, hand.model(), &shape, &pose, screen, joint);
         }

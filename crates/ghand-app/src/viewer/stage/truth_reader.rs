@@ -87,7 +87,8 @@ impl TruthReader {
         // One at a time: whoever steps through many frames waits only for the last one.
         if is_wanted && self.reading.is_none() {
             let (sender, done) = channel();
-            let (capture, context) = (capture.clone(), context.clone());
+            let capture = capture.clone();
+            let context = context.clone();
             let thread = std::thread::spawn(move || {
                 let view = capture.load_view(pair.0, pair.1).map_err(anyhow::Error::from);
                 // A closed channel means that the viewer no longer waits.

@@ -7,7 +7,8 @@ use egui::{Slider, SliderClamping};
 /// A slider with this many decimals. Only the user changes its value: rounding to the decimals does not count as a
 /// change.
 pub fn number_slider<'a>(value: &'a mut f64, range: RangeInclusive<f64>, decimals: usize, unit: &'a str) -> Slider<'a> {
-    let (accepted, now) = (range.clone(), *value);
+    let accepted = range.clone();
+    let now = *value;
     Slider::new(value, range)
         .clamping(SliderClamping::Edits)
         .fixed_decimals(decimals)

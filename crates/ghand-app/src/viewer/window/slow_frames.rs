@@ -72,7 +72,8 @@ mod tests {
         if slow_frames {
             keep_clicks_in_slow_frames(&context);
         }
-        let (mut value, mut clicks) = (0.0, [0; 2]);
+        let mut value = 0.0;
+        let mut clicks = [0; 2];
         for frame in 0..8 {
             let input = RawInput {
                 screen_rect: Some(Rect::from_min_size(Pos2::ZERO, vec2(200.0, 100.0))),

@@ -174,7 +174,8 @@ impl Case {
             0 => self.is(VIEWER, &[&hand, "--size", "48x48", "--screenshot", name]),
             1 => self.is(GHAND, &["pose", "--for", &hand, "--out", name]),
             2 => {
-                let (scene, camera) = (self.copy(world, "scene.ply"), self.copy(world, "camera.json"));
+                let scene = self.copy(world, "scene.ply");
+                let camera = self.copy(world, "camera.json");
                 self.is(GHAND, &["splat", &scene, "--camera", &camera, "--out", name]);
             }
             _ => self.is(GHAND, &["export", &hand, "--ply", name]),

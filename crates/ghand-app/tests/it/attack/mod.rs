@@ -35,7 +35,8 @@ fn case(world: &World, seed: u64, index: u64) -> Case {
 
 #[test]
 fn the_programs_succeed_or_report_the_problem_in_one_sentence() {
-    let (count, seed) = (number("GHAND_ATTACK_CASES", cases(CASES[0], CASES[1])), number("GHAND_ATTACK_SEED", SEED));
+    let count = number("GHAND_ATTACK_CASES", cases(CASES[0], CASES[1]));
+    let seed = number("GHAND_ATTACK_SEED", SEED);
     let world = World::new();
     let next = AtomicU64::new(0);
     let attack = || {
@@ -60,7 +61,8 @@ fn the_programs_succeed_or_report_the_problem_in_one_sentence() {
             }
         }
     };
-    let (mut succeeded, mut found) = (0, vec![]);
+    let mut succeeded = 0;
+    let mut found = vec![];
     std::thread::scope(|scope| {
         let threads = std::thread::available_parallelism().map_or(1, |n| n.get());
         let attackers: Vec<_> = (0..threads).map(|_| scope.spawn(attack)).collect();

@@ -45,7 +45,8 @@ impl World {
         write(&at("camera.json"), &value["cameras"][0]);
         make(&["pose", "--hand-model", path(&at("hand.npz")), "--pose", "fist", "--out"], &at("poses.json"));
         std::fs::write(at("scene.ply"), scene()).unwrap();
-        let (camera, poses) = (value["cameras"][0].clone(), read(&at("poses.json")));
+        let camera = value["cameras"][0].clone();
+        let poses = read(&at("poses.json"));
         World { capture: value, poses, camera, folder }
     }
 

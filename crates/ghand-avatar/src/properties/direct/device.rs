@@ -68,7 +68,8 @@ impl DirectModel {
         tables: &DirectTables,
         deformation: &Deformation,
     ) -> DirectModel {
-        let (count, joints) = (template.len(), template.joint_count());
+        let count = template.len();
+        let joints = template.joint_count();
         let p = deformation.properties();
         let as_property = |buffer: &wgpu::Buffer, values: &[f32]| {
             gpu.queue.write_buffer(buffer, 0, bytemuck::cast_slice(values));
@@ -231,11 +232,13 @@ impl TrainableModel for DirectModel {
         rates: &PropertyRates,
     ) -> Result<bool, RenderError> {
         let Some(training) = &self.training else { return Err(not_prepared()) };
-        let (n, lengths) = (self.count, self.lengths());
+        let n = self.count;
+        let lengths = self.lengths();
         let mut pass = compute_pass(encoder, "update");
         // Rows of the appearance table: scale, base colour (3), components.
         // Rows of the response: biases, gains; each of coefficients, then of colours.
-        let (rows, channels) = (self.config.coefficient_rows(), self.config.channels());
+        let rows = self.config.coefficient_rows();
+        let channels = self.config.channels();
         let gains = channels + rows * self.joints * FEATURES;
         // Free offsets are linear in the joints' rotations as these are.
         let of_coefficients = if self.config.offsets == Offsets::Free { 0.0 } else { rates.response };

@@ -66,7 +66,8 @@ impl DirectTables {
     /// The first basis moves each Gaussian inwards, against its normal, by its inset: splats extend beyond their centres, and
     /// the initial silhouette should match the surface's.
     pub fn untrained(template: &Template, config: &AvatarConfig, start: &PropertyStart<'_>) -> DirectTables {
-        let (count, joints) = (template.len(), template.joint_count());
+        let count = template.len();
+        let joints = template.joint_count();
         let lengths = table_lengths(count, joints, config);
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(start.seed);
         // The sum of four uniform numbers is close enough to a normal one, and has the same bits on every platform.

@@ -9,7 +9,8 @@ use crate::template::{AvatarConfig, Template};
 impl DirectTables {
     /// Adds the tables to the tensors of a file. This was the first model, so its tensors have no prefix.
     pub(crate) fn write(&self, template: &Template, config: &AvatarConfig, out: &mut Tensors) {
-        let (count, joints) = (template.len(), template.joint_count());
+        let count = template.len();
+        let joints = template.joint_count();
         let channels = config.channels();
         out.add("shape_basis", Dtype::F32, &[config.shape_bases, 3, count], &self.shape_basis);
         if !config.plain_skinning {
@@ -28,13 +29,15 @@ impl DirectTables {
         template: &Template,
         config: &AvatarConfig,
     ) -> Result<DirectTables, AvatarFileError> {
-        let (count, joints) = (template.len(), template.joint_count());
+        let count = template.len();
+        let joints = template.joint_count();
         let channels = config.channels();
         let bias = reader.floats("response_bias", &[Some(channels)])?;
         let gain = reader.floats("response_gain", &[Some(channels), Some(joints), Some(9)])?;
         let response_limits = reader.floats("response_limits", &[Some(channels), Some(joints), Some(2)])?;
         if let Some(i) = response_limits.as_chunks::<2>().0.iter().position(|[low, high]| low > high) {
-            let (channel, joint) = (i / joints, i % joints);
+            let channel = i / joints;
+            let joint = i % joints;
             let problem = format!("channel {channel}, joint {joint}: the lower limit is above the upper one");
             return Err(reader.invalid("response_limits", format!("{problem}; train the avatar again")));
         }

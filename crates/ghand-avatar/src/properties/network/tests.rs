@@ -164,7 +164,8 @@ impl Case {
 fn the_networks_agree_with_their_twin() {
     for activation in [Activation::Relu, Activation::Softplus] {
         let case = Case::new(tiny(activation), 40);
-        let (values, expected) = (case.values(), case.twin().outputs());
+        let values = case.values();
+        let expected = case.twin().outputs();
         for ((name, values), expected) in NAMES.iter().zip(&values).zip(&expected) {
             let size = expected.iter().fold(0.0f64, |m, v| m.max(v.abs()));
             assert!(size > 0.0 && values.len() == expected.len(), "{name}");
@@ -316,7 +317,8 @@ fn adam_agrees_with_its_twin() {
     let mut expected: Vec<f64> = parameters.iter().map(|p| (*p).into()).collect();
     let mut moments = vec![[0.0; 2]; 50];
     let tensor = |v: Vec<f32>| Tensor::<1>::from_data(TensorData::new(v, [50]), &Device::flex());
-    let (mut adam, mut learned) = (NetworkAdam::new(1), tensor(parameters));
+    let mut adam = NetworkAdam::new(1);
+    let mut learned = tensor(parameters);
     for step in 1..=5 {
         let gradient = random(10 + step, 50, 1e-6);
         let wide: Vec<f64> = gradient.iter().map(|g| (*g).into()).collect();

@@ -144,7 +144,8 @@ impl Run {
             let sum: f32 = (0..JOINTS).map(|k| weights[k * COUNT + p]).sum();
             (0..JOINTS).for_each(|k| weights[k * COUNT + p] /= sum);
         }
-        let (rest, joints) = (random(3, 3 * COUNT, 0.1), random(2, 3 * JOINTS, 0.1));
+        let rest = random(3, 3 * COUNT, 0.1);
+        let joints = random(2, 3 * JOINTS, 0.1);
         let normals: Vec<DVec3> =
             planes(&widen(&random(11, 3 * COUNT, 1.0)), COUNT).iter().map(|n| n.normalize()).collect();
         let normals: Vec<f32> = (0..3).flat_map(|c| normals.iter().map(move |n| n[c] as f32)).collect();
@@ -322,7 +323,8 @@ pub fn assert_same<T: Flat + ?Sized>(kind: Kind, name: &str, device: &T, twin: &
 
 /// As [`assert_same`] for differences of numbers of size `scale`, which nearly cancel near the rest pose.
 pub fn assert_near<T: Flat + ?Sized>(kind: Kind, name: &str, device: &T, twin: &T, scale: f64) {
-    let (device, twin) = (device.flat(), twin.flat());
+    let device = device.flat();
+    let twin = twin.flat();
     assert_eq!(device.len(), twin.len(), "{name}");
     let norm = norm(&twin[..]).max(scale).max(1e-3);
     let error = |twin: &[f64]| {

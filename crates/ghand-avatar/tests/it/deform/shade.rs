@@ -86,7 +86,9 @@ impl Case {
 
     fn twin(&self) -> Results {
         let wide = |values: &[[f32; 3]]| -> Vec<[f64; 3]> { values.iter().map(|v| v.map(f64::from)).collect() };
-        let (barycentric, shades, gloss) = (wide(&self.barycentric), wide(&self.shades), wide(&self.gloss));
+        let barycentric = wide(&self.barycentric);
+        let shades = wide(&self.shades);
+        let gloss = wide(&self.gloss);
         let surface = light::SurfaceLight {
             corners: &self.corners,
             barycentric: &barycentric,
@@ -140,7 +142,8 @@ fn lit_colours_and_their_gradients_are_those_of_the_twin() {
 #[test]
 fn shades_and_gloss_that_do_not_fit_the_hand_are_refused() {
     let gpu = gpu();
-    let (case, plain) = (Case::new(true), Case::new(false));
+    let case = Case::new(true);
+    let plain = Case::new(false);
     let (deformation, ..) = case.on_device(&gpu);
     for (frame, count) in [(3, VERTICES), (0, VERTICES - 1)] {
         let error = deformation.set_shades(&gpu, frame, &case.shades[..count]).unwrap_err();

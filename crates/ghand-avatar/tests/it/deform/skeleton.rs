@@ -23,7 +23,8 @@ fn gradients_of_joints_and_pose_equal_those_of_their_twins() {
         let d_bones = run.d_bones(&run.weights);
         let d = pose_skeleton_vjp(&PARENTS, &run.joints, &run.chain, &d_bones, &[]);
         let residual = residual_gradients(run);
-        let (mut joints, mut local) = (d.joints, d.local);
+        let mut joints = d.joints;
+        let mut local = d.local;
         local.iter_mut().zip(&residual.local).for_each(|(sum, d)| *sum += *d);
         if run.kind.skeleton == ResidualSkeleton::Anchored {
             joints.iter_mut().zip(&residual.joints).for_each(|(sum, d)| *sum += *d);

@@ -161,7 +161,8 @@ fn errors(problem: &impl Problem, gradients: &[Vec<f64>]) -> Errors {
     let inputs = problem.inputs();
     let flat: Vec<f64> = problem.drawn().concat();
     let mut rng = ChaCha8Rng::seed_from_u64(problem.case().seed ^ 0xd1ff);
-    let (found, right) = (problem.outputs(&problem.drawn()), problem.reference::<f64>(&problem.drawn()));
+    let found = problem.outputs(&problem.drawn());
+    let right = problem.reference::<f64>(&problem.drawn());
     assert_eq!(found.len(), right.len(), "outputs");
     let apart: Vec<f64> = found.iter().zip(&right).map(|(a, b)| a - b).collect();
     let mut errors = Errors { value: relative(largest(&apart), problem.size()), ..Default::default() };

@@ -27,7 +27,9 @@ struct Whole {
 impl Whole {
     fn new(case: &Case) -> Whole {
         let rng = &mut case.rng();
-        let (n, joints, bases) = (case.points, case.joints, case.bases);
+        let n = case.points;
+        let joints = case.joints;
+        let bases = case.bases;
         let parents = case.parents(rng);
         let weights = case.weights(rng, n);
         let residual_weights = case.residual_weights(rng, n);
@@ -53,7 +55,8 @@ impl Whole {
         let bones = depth(&parents) * (largest(&rest_joints) + residual_joint);
         let extent = largest(&canonical) + offset + bones;
         let posed = turned * extent + largest(&translation);
-        let (all_points, n_f) = (SLOPE * n as f64, n as f64);
+        let all_points = SLOPE * n as f64;
+        let n_f = n as f64;
         let d_offset = 1.0 + SLOPE * turned + joints as f64 * all_points * turned;
         let response = n_f * d_offset * size;
         let inputs = vec![
@@ -86,7 +89,9 @@ impl Whole {
         let response = PoseResponse { bias: bias.to_vec(), gain: gain.to_vec(), limits };
         let values = response.evaluate(&self.weights, &features, n);
         let coefficients: Vec<DVec3> = dvec3s(coefficients).iter().zip(&values).map(|(c, v)| *c + *v).collect();
-        let (canonical, joints, basis) = (dvec3s(canonical), dvec3s(joints), dvec3s(basis));
+        let canonical = dvec3s(canonical);
+        let joints = dvec3s(joints);
+        let basis = dvec3s(basis);
         let d = DeformationInputs {
             parents: &self.parents,
             joints: &joints,
@@ -153,7 +158,8 @@ impl Problem for Whole {
         else {
             panic!("ten inputs")
         };
-        let (n, joints) = (self.case.points, vec3s(joints));
+        let n = self.case.points;
+        let joints = vec3s(joints);
         let local: Vec<[S; 9]> = vec3s(rotations).into_iter().map(reference::rotation).collect();
         let values = reference::pose_response(bias, gain, &[], &self.weights, &local, n);
         let coefficients: Vec<_> = vec3s(coefficients).iter().zip(values).map(|(c, v)| c.map(|x| x + v)).collect();

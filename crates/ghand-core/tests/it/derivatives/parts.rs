@@ -69,7 +69,10 @@ const REACH: f64 = 20.0;
 impl Part {
     fn new(stage: Stage, case: &Case) -> Part {
         let rng = &mut case.rng();
-        let (n, joints, bases, metres) = (case.points, case.joints, case.bases, case.place.1);
+        let n = case.points;
+        let joints = case.joints;
+        let bases = case.bases;
+        let metres = case.place.1;
         let parents = case.parents(rng);
         let weights = case.weights(rng, n);
         let points = n as f64;
@@ -88,9 +91,11 @@ impl Part {
                 (inputs, 1.0 + 2.0 * extent)
             }
             Stage::Skin => {
-                let (rest, translation) = (case.points(rng, n), case.points(rng, 1));
+                let rest = case.points(rng, n);
+                let translation = case.points(rng, 1);
                 let extent = 1.0 + 3.0 * largest(&rest);
-                let (bones, residual_bones) = (uniform(rng, 12 * joints), uniform(rng, 12 * joints));
+                let bones = uniform(rng, 12 * joints);
+                let residual_bones = uniform(rng, 12 * joints);
                 let residual_weights = case.residual_weights(rng, n);
                 let turned = joints as f64 * (largest(&weights) + 2.0 * largest(&residual_weights));
                 let inputs = vec![
@@ -219,7 +224,8 @@ impl Problem for Part {
             .into_flattened(),
             Stage::BlendShapes => reference::offsets(&vec3s(inputs[0]), &vec3s(inputs[1]), n).into_flattened(),
             Stage::ResidualJoints => {
-                let (offsets, joints) = (vec3s(inputs[1]), vec3s(inputs[2]));
+                let offsets = vec3s(inputs[1]);
+                let joints = vec3s(inputs[2]);
                 reference::residual_joints(inputs[0], &offsets, &joints, self.case.anchored).into_flattened()
             }
             Stage::PoseResponse => {
@@ -251,14 +257,16 @@ impl Problem for Part {
     }
 
     fn gradients(&self, d_outputs: &[f64]) -> Vec<Vec<f64>> {
-        let (n, inputs) = (self.case.points, self.drawn());
+        let n = self.case.points;
+        let inputs = self.drawn();
         match self.stage {
             Stage::Rotation => {
                 let v = DVec3::from_slice(inputs[0]);
                 vec![rotation_from_axis_angle_vjp(v, &matrix(d_outputs)).to_array().to_vec()]
             }
             Stage::Skeleton => {
-                let (joints, rotations) = (dvec3s(inputs[0]), dvec3s(inputs[1]));
+                let joints = dvec3s(inputs[0]);
+                let rotations = dvec3s(inputs[1]);
                 let chain = pose_skeleton(&self.parents, &joints, &rotations);
                 let (d_bones, d_joints) = d_outputs.split_at(12 * self.case.joints);
                 let g = pose_skeleton_vjp(&self.parents, &joints, &chain, &affines(d_bones), &dvec3s(d_joints));
@@ -266,7 +274,8 @@ impl Problem for Part {
             }
             Stage::Skin => {
                 let g = self.with_skinning(&inputs, |s| skin_vjp(s, &dvec3s(d_outputs)));
-                let (bones, residual_bones) = (flat_affines(&g.bones), flat_affines(&g.residual_bones));
+                let bones = flat_affines(&g.bones);
+                let residual_bones = flat_affines(&g.residual_bones);
                 vec![flat(&g.rest), g.residual_weights, bones, residual_bones, flat(&[g.translation])]
             }
             Stage::BlendShapes => {

@@ -23,7 +23,9 @@ struct Hand {
 impl Hand {
     fn new(case: &Case, posed: bool) -> Hand {
         let rng = &mut case.rng();
-        let (v, joints, shapes) = (case.points, case.joints, case.bases);
+        let v = case.points;
+        let joints = case.joints;
+        let shapes = case.bases;
         let size = case.place.1;
         let parents = case.parents(rng);
         let vertices = case.points(rng, v);

@@ -68,7 +68,8 @@ impl std::fmt::Display for OddCamera {
 
 impl MaskFit {
     fn lacks_more_than(&self, others: &MaskFit, [times, more]: [f64; 2]) -> bool {
-        let (lack, usual) = (1.0 - self.overlap, 1.0 - others.overlap);
+        let lack = 1.0 - self.overlap;
+        let usual = 1.0 - others.overlap;
         lack > times * usual && lack > usual + more
     }
 }

@@ -39,7 +39,8 @@ pub struct TimeOffset {
 impl std::fmt::Display for TimeOffset {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let how = if self.frames > 0.0 { "later" } else { "earlier" };
-        let (camera, frames) = (&self.camera, self.frames.abs());
+        let camera = &self.camera;
+        let frames = self.frames.abs();
         write!(
             f,
             "the images of {camera} seem to be taken {frames:.1} frames {how} than the others'; synchronise the cameras, or \

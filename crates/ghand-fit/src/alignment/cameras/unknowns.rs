@@ -126,7 +126,8 @@ mod tests {
             focal: DVec2::new(310.0, 290.0),
             ..Camera::look_at(eye, DVec3::new(0.02, 0.01, 0.1), DVec3::Y, 0.6, 200, 160)
         };
-        let (place, slope) = (DVec3::new(0.06, -0.03, 0.13), DVec2::new(0.6, -0.8));
+        let place = DVec3::new(0.06, -0.03, 0.13);
+        let slope = DVec2::new(0.6, -0.8);
         let velocity = DVec3::new(0.01, 0.02, -0.005);
         let residual = |change: &CameraChange| {
             let at = place + change[TIME] * velocity;

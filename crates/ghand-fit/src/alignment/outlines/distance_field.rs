@@ -48,7 +48,8 @@ impl DistanceField {
         let range = |used: &[usize], size: usize| {
             Some((used.first()?.saturating_sub(margin), (used.last()? + margin + 1).min(size)))
         };
-        let ((left, right), (top, bottom)) = (range(&columns, width)?, range(&rows, height)?);
+        let (left, right) = range(&columns, width)?;
+        let (top, bottom) = range(&rows, height)?;
         let size = [right - left, bottom - top];
         let cropped: Vec<bool> = (top..bottom).flat_map(|y| (left..right).map(move |x| is_inside(x, y))).collect();
         let squared = |wanted: bool| {
@@ -72,11 +73,13 @@ impl DistanceField {
     /// Intersection over union of the mask and another one of the same image, row-major, on the hand's side of the
     /// template's end.
     pub fn overlap(&self, other: &[bool], width: usize, arm_end: Option<ArmEndInImage>) -> f64 {
-        let ([left, top], [columns, rows]) = (self.origin, self.size);
+        let [left, top] = self.origin;
+        let [columns, rows] = self.size;
         let is_hand_side = |x: usize, y: usize| {
             arm_end.is_none_or(|end| end.beyond(DVec2::new(x as f64 + 0.5, y as f64 + 0.5)) <= 0.0)
         };
-        let (mut both, mut all) = (0, 0);
+        let mut both = 0;
+        let mut all = 0;
         for (y, line) in other.chunks_exact(width.max(1)).enumerate() {
             for (x, other) in line.iter().enumerate() {
                 let local = [x.wrapping_sub(left), y.wrapping_sub(top)];

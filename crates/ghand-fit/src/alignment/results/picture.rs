@@ -86,7 +86,8 @@ fn bounds(pixels: &[bool], width: u32) -> [u32; 4] {
         return [0, 0, width, height];
     }
     let [[left, right], [top, bottom]] = range;
-    let (left, top) = (left.saturating_sub(BORDER), top.saturating_sub(BORDER));
+    let left = left.saturating_sub(BORDER);
+    let top = top.saturating_sub(BORDER);
     [left, top, (right + BORDER + 1).min(width) - left, (bottom + BORDER + 1).min(height) - top]
 }
 

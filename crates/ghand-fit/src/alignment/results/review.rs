@@ -261,7 +261,9 @@ fn has_hole(mask: &[bool], covered: &[bool], width: usize) -> bool {
 /// The pixels that were not reached yet and hang together with one, and whether any is at the border of the image.
 fn fill(reached: &mut [bool], start: usize, width: usize) -> (Vec<usize>, bool) {
     let (width, height) = (width.max(1), reached.len() / width.max(1));
-    let (mut open, mut pixels, mut at_border) = (vec![start], vec![], false);
+    let mut open = vec![start];
+    let mut pixels = vec![];
+    let mut at_border = false;
     reached[start] = true;
     while let Some(at) = open.pop() {
         pixels.push(at);

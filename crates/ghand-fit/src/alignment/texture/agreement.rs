@@ -130,7 +130,9 @@ mod tests {
         // third with a quarter of it.
         let mut rng = ChaCha8Rng::seed_from_u64(5);
         let mut normal = || (0..12).map(|_| rng.random::<f64>() - 0.5).sum::<f64>();
-        let (frames, count, true_factors) = (200, 9, [1.0, 3.0, 0.25]);
+        let frames = 200;
+        let count = 9;
+        let true_factors = [1.0, 3.0, 0.25];
         let scale = DVector::from_fn(count, |k, _| if k < 6 { 0.1 * ROTATION } else { 0.1 * TRANSLATION });
         let cues: Vec<Vec<Cue>> = (0..frames)
             .map(|_| {

@@ -70,7 +70,8 @@ impl Contrast {
             let filter = band.filter();
             let size = [right - left, bottom - top].map(|length| length.div_ceil(filter.step));
             // Sums over a sample's pixels within the mask, and their number.
-            let (mut light, mut mask) = (vec![0.0; size[0] * size[1]], vec![0.0; size[0] * size[1]]);
+            let mut light = vec![0.0; size[0] * size[1]];
+            let mut mask = vec![0.0; size[0] * size[1]];
             for y in top..bottom {
                 for x in left..right {
                     let [r, g, b, a] = view.rgba[y * width + x];
@@ -99,7 +100,8 @@ impl Contrast {
 impl Samples {
     fn new(filter: &Filter, light: &[f32], mask: &[f32], size: [usize; 2]) -> Samples {
         let blurred = |values: &[f32]| filter.blurs.map(|blur| blurred(values, size, blur / filter.step as f64));
-        let ([near_light, far_light], [near_mask, far_mask]) = (blurred(light), blurred(mask));
+        let [near_light, far_light] = blurred(light);
+        let [near_mask, far_mask] = blurred(mask);
         let outside = mask.iter().map(|covered| if *covered == 0.0 { 0.0 } else { f64::INFINITY }).collect();
         let to_outside = squared_distances(outside, size);
         let value = |i: usize| {

@@ -178,7 +178,8 @@ impl References {
     pub fn pulls(&self, frame: usize, point: usize, own: &[Observation]) -> Option<[Pull; 2]> {
         let Variances { views, frames, patches } = self.variances;
         let mean = Mean::of(own, views)?;
-        let (mut among, mut against) = (Pull::default(), Pull::default());
+        let mut among = Pull::default();
+        let mut against = Pull::default();
         for (observation, weight) in own.iter().zip(&mean.weights) {
             let off = observation.gradient - mean.gradient;
             let weight = weight / (views * patches[0]);
@@ -209,11 +210,13 @@ impl References {
     fn frames_variance(&self) -> f64 {
         let mut variance = self.variances.views;
         for _ in 0..ROUNDS {
-            let (mut squares, mut weights) = (0.0, 0.0);
+            let mut squares = 0.0;
+            let mut weights = 0.0;
             for (frame, means) in self.means.iter().enumerate() {
                 for (point, mean) in means.iter().enumerate() {
                     if let (Some((value, total)), Some((reference, count))) = (mean, self.without(frame, point)) {
-                        let (scale, error) = (1.0 + 1.0 / count, self.variances.views / total);
+                        let scale = 1.0 + 1.0 / count;
+                        let error = self.variances.views / total;
                         let residual = value - reference;
                         let weight = student(residual, variance * scale + error);
                         squares += weight * (residual * residual - error) / scale;

@@ -44,7 +44,8 @@ pub fn surface_points(model: &HandModel) -> Vec<SurfacePoint> {
     let each = model.faces.iter().map(area).sum::<f64>() / POINTS;
     let bone_weight = |vertex: u32| model.vertex_weights(vertex as usize).iter().copied().fold(0.0, f64::max);
     let mut points = vec![];
-    let (mut due, mut number) = (0.5, 0.0_f64);
+    let mut due = 0.5;
+    let mut number = 0.0_f64;
     for face in &model.faces {
         due += area(face) / each;
         while due >= 1.0 {

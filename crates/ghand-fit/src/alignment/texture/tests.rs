@@ -63,7 +63,8 @@ impl Scene {
         }
         let colors: Vec<DVec3> = template.vertices.iter().map(|_| DVec3::splat(0.6 + 0.5 * random())).collect();
         let style = MeshStyle { supersample: 2, shading: Shading::Unlit, wireframe: None };
-        let (mut contrasts, mut masks) = (vec![], vec![]);
+        let mut contrasts = vec![];
+        let mut masks = vec![];
         for pose in &truth {
             let positions = pose_hand(&template, &[], pose).unwrap().vertices;
             let normals = template.vertex_normals(&positions);
@@ -115,7 +116,9 @@ impl Scene {
 #[test]
 fn known_errors_are_pulled_back_with_any_number_of_threads() {
     let scene = Scene::new();
-    let (images, masks, fit) = (scene.images(), scene.mask_images(), scene.fit());
+    let images = scene.images();
+    let masks = scene.mask_images();
+    let fit = scene.fit();
     let refined = |usable: &[bool], threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| refine(&fit, &images, &masks, usable, &mut |_, _| true)).unwrap()
@@ -144,7 +147,9 @@ fn known_errors_are_pulled_back_with_any_number_of_threads() {
 #[test]
 fn images_held_out_tell_better_poses_from_worse() {
     let scene = Scene::new();
-    let (images, masks, shaped) = (scene.images(), scene.mask_images(), scene.shaped());
+    let images = scene.images();
+    let masks = scene.mask_images();
+    let shaped = scene.shaped();
     let points = surface_points(&scene.template);
     let frames: Vec<usize> = (0..FRAMES).collect();
     let judge = |before: &[Pose], after: &[Pose]| {
@@ -173,7 +178,9 @@ fn images_without_anything_in_common_move_nothing() {
         *contrast = Contrast::of_view(&View { width: 200, height: 200, rgba }).unwrap();
     }
     scene.given.clone_from(&scene.truth);
-    let (images, masks, fit) = (scene.images(), scene.mask_images(), scene.fit());
+    let images = scene.images();
+    let masks = scene.mask_images();
+    let fit = scene.fit();
     let (poses, _) = refine(&fit, &images, &masks, &[true; FRAMES], &mut |_, _| true).unwrap();
     for frame in 0..FRAMES {
         let error = scene.error(&poses, frame);
@@ -185,7 +192,9 @@ fn images_without_anything_in_common_move_nothing() {
 #[test]
 fn derivatives_are_those_of_what_the_images_show() {
     let scene = Scene::new();
-    let (images, fit, shaped) = (scene.images(), scene.fit(), scene.shaped());
+    let images = scene.images();
+    let fit = scene.fit();
+    let shaped = scene.shaped();
     let points = surface_points(&scene.template);
     let pose = &scene.given[0];
     let rig = Rig { shaped: &shaped, edges: &fit.edges, moving: &fit.moving, carries: &fit.carries, huber: 3.0 };
@@ -201,7 +210,9 @@ fn derivatives_are_those_of_what_the_images_show() {
                 fit.moved(pose, &nalgebra::DVector::from_fn(count, |k, _| if k == unknown { by } else { 0.0 }))
             };
             let [low, high] = [-size, size].map(|by| at(&step(by), band));
-            let (mut right, mut wrong, mut all) = (0, 0, 0);
+            let mut right = 0;
+            let mut wrong = 0;
+            let mut all = 0;
             for (k, point) in points.iter().enumerate() {
                 let mut row = vec![];
                 motion.of_face_point(point.corners, point.weights, &mut row);

@@ -144,7 +144,8 @@ impl<'a> Buffers<'a> {
         if components != N {
             return Err(fail(&format!("has {components} components, expected {N}; export the hand again")));
         }
-        let (kind, count) = (accessor.data_type(), accessor.count());
+        let kind = accessor.data_type();
+        let count = accessor.count();
         if count == 0 {
             return Err(fail("is empty; export the hand again"));
         }
@@ -156,7 +157,8 @@ impl<'a> Buffers<'a> {
             None => vec![[T::default(); N]; count],
         };
         if let Some(sparse) = accessor.sparse() {
-            let (indices, replacements) = (sparse.indices(), sparse.values());
+            let indices = sparse.indices();
+            let replacements = sparse.values();
             let index_kind = match indices.index_type() {
                 IndexType::U8 => DataType::U8,
                 IndexType::U16 => DataType::U16,

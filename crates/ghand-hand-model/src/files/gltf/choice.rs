@@ -108,7 +108,8 @@ impl<'a> Choice<'a> {
         let names = |wanted: bool| -> Vec<String> {
             self.parts.iter().zip(&reads).filter(|(_, read)| **read == wanted).map(|(part, _)| part.name()).collect()
         };
-        let (read, unread) = (names(true), names(false));
+        let read = names(true);
+        let unread = names(false);
         if read.len() > 1 {
             told.push(format!("{} meshes are read as one hand: {}", read.len(), listed(&read)));
         }

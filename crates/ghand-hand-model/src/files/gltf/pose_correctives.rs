@@ -40,7 +40,8 @@ pub(super) fn pose_directions(
     let Some(SkinExtras { pose_correctives }) = extras.filter(|extras| !extras.pose_correctives.is_empty()) else {
         return Ok(vec![]);
     };
-    let (count, joints) = (model.vertices.len(), model.joint_count());
+    let count = model.vertices.len();
+    let joints = model.joint_count();
     let invalid = |problem: String| source.invalid("skins.extras.pose_correctives", problem);
     let length = FEATURES * (joints - 1) * count;
     if length > MAX_DISPLACEMENTS {
@@ -62,7 +63,8 @@ pub(super) fn pose_directions(
         let accessor = |k: usize| -> Result<Accessor, HandModelError> {
             file.accessors().nth(k).ok_or_else(|| fail(format!("refer to accessor {k} of {}", file.accessors().len())))
         };
-        let (vertices, directions) = (accessor(vertices)?, accessor(directions)?);
+        let vertices = accessor(vertices)?;
+        let directions = accessor(directions)?;
         if directions.count() != FEATURES.saturating_mul(vertices.count()) {
             return Err(fail(format!("have {} directions for {} vertices", directions.count(), vertices.count())));
         }

@@ -251,7 +251,8 @@ impl RawMesh {
         let mut rows = places.iter();
         let mut is_kept = || rows.next().is_some_and(Option::is_some);
         self.positions.retain(|_| is_kept());
-        let (uvs, outside) = (std::mem::take(&mut self.uvs), std::mem::take(&mut self.outside));
+        let uvs = std::mem::take(&mut self.uvs);
+        let outside = std::mem::take(&mut self.outside);
         let kept = |k: usize| places[k].is_some();
         self.uvs = uvs.into_iter().enumerate().filter(|(k, _)| kept(*k)).map(|(_, uv)| uv).collect();
         self.outside = outside.into_iter().enumerate().filter(|(k, _)| kept(*k)).map(|(_, o)| o).collect();

@@ -70,7 +70,9 @@ impl SmallHand {
 
     /// With morph targets, as displacements of the six file vertices.
     fn with_targets(mut self, targets: &[[[f32; 3]; 6]]) -> SmallHand {
-        let (mut views, mut accessors, mut primitive) = (String::new(), String::new(), vec![]);
+        let mut views = String::new();
+        let mut accessors = String::new();
+        let mut primitive = vec![];
         for (k, target) in targets.iter().enumerate() {
             views += &format!(r#",{{"buffer":0,"byteOffset":{},"byteLength":72}}"#, self.bytes.len());
             accessors += &format!(r#",{{"bufferView":{},"componentType":5126,"count":6,"type":"VEC3"}}"#, 5 + k);

@@ -55,7 +55,8 @@ pub(super) fn weld(
         row.iter_mut().for_each(|w| *w /= copies);
     }
     let shape_directions = weld_targets(&raw.targets, &welded_from_raw, &copies, warnings);
-    let (mut faces, mut face_uvs) = (Vec::new(), Vec::new());
+    let mut faces = Vec::new();
+    let mut face_uvs = Vec::new();
     for triangle in raw.triangles {
         let face = triangle.map(|i| welded_from_raw[i as usize]);
         let [a, b, c] = face.map(|i| vertices[i as usize]);

@@ -106,7 +106,9 @@ fn compare_with_right(left: &HandModel, right: &[u8]) -> Option<bool> {
 fn length_breadth_correlation(model: &HandModel) -> Option<f64> {
     let count = model.vertices.len();
     let center = model.vertices.iter().sum::<DVec3>() / count as f64;
-    let (mut both, mut along_x, mut across) = (0.0, 0.0, 0.0);
+    let mut both = 0.0;
+    let mut along_x = 0.0;
+    let mut across = 0.0;
     for directions in model.shape_directions.chunks_exact(count) {
         let growth: DVec3 = model.vertices.iter().zip(directions).map(|(v, d)| (*v - center) * *d).sum();
         both += growth.x * (growth.y + growth.z);

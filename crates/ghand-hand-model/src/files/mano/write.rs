@@ -36,7 +36,8 @@ pub fn write_mano(path: &Path, model: &HandModel) -> Result<(), HandModelError> 
         Some(space) => (numbers(&space.mean), numbers(&space.components)),
         None => (vec![0.0; width], vec![]),
     };
-    let (shapes, correctives) = (model.shape_count(), model.pose_directions.len() / v);
+    let shapes = model.shape_count();
+    let correctives = model.pose_directions.len() / v;
     let arrays = [
         ("v_template", vec![v, 3], numbers(&model.vertices)),
         ("f", vec![model.faces.len(), 3], faces),

@@ -77,7 +77,8 @@ fn the_human_hand_is_read_back_with_correctives_if_it_has_any() {
         let Some(path) = shared(&format!("assets/human-hand/{file}")) else { return };
         let mut model = read_gltf(&path).unwrap();
         assert_same(&model, &read_back(&model).model);
-        let (count, rng) = (model.vertices.len(), &mut ChaCha8Rng::seed_from_u64(4));
+        let count = model.vertices.len();
+        let rng = &mut ChaCha8Rng::seed_from_u64(4);
         model.pose_directions = vec![DVec3::ZERO; 9 * 24 * count];
         for at in (0..model.pose_directions.len()).step_by(7) {
             model.pose_directions[at] = random_vector(rng, 1e-3);

@@ -254,7 +254,8 @@ impl Chain {
 
     fn of_finger(&self, finger: Finger, piece: Piece) -> Option<JointRole> {
         let bend = |k: usize| Some(JointRole::Bend(finger, k as u8));
-        let (metacarpal, tip) = (Some(JointRole::Metacarpal(finger)), Some(JointRole::Tip(finger)));
+        let metacarpal = Some(JointRole::Metacarpal(finger));
+        let tip = Some(JointRole::Tip(finger));
         if let Piece::Part(part, _) = piece {
             let is_before_knuckle = self.numbers.len() >= 3 || self.has(&[Part::Proximal, Part::Knuckle, Part::Mcp]);
             return match part {

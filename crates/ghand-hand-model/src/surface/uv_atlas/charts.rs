@@ -138,7 +138,8 @@ impl Mesh<'_> {
     fn project(&mut self, piece: &[u32], direction: DVec3) -> Chart {
         let right = direction.any_orthonormal_vector();
         let up = direction.cross(right);
-        let (vertices, faces) = (self.vertices, self.faces);
+        let vertices = self.vertices;
+        let faces = self.faces;
         let project = |face: u32| {
             faces[face as usize].map(|v| DVec2::new(vertices[v as usize].dot(right), vertices[v as usize].dot(up)))
         };
@@ -150,7 +151,8 @@ impl Mesh<'_> {
         let mut chart = Chart { faces: vec![], vertices: vec![], points: vec![], triangles: vec![] };
         let mut point_of_vertex = HashMap::new();
         self.flood(piece[start], |_, face| {
-            let (face_vertices, corners) = (faces[face as usize], project(face));
+            let face_vertices = faces[face as usize];
+            let corners = project(face);
             if !kept.insert(corners) {
                 return false;
             }

@@ -36,7 +36,8 @@ pub(super) fn pack(charts: &[Chart]) -> Option<Vec<Vec<DVec2>>> {
     for grid in GRIDS {
         // Cells per unit: the scale at which the charts' areas alone would fill the grid is too large, and so is that
         // at which the longest of them reaches from end to end. Slivers have length but almost no area.
-        let (mut fits, mut high) = (0.0, grid as f64 / total.sqrt().max(longest));
+        let mut fits = 0.0;
+        let mut high = grid as f64 / total.sqrt().max(longest);
         let mut best = None;
         for _ in 0..HALVINGS {
             let scale = if best.is_none() { 0.5 * high } else { 0.5 * (fits + high) };
@@ -157,7 +158,8 @@ impl Bitmap {
 
     /// The words of one row, shifted by columns, with their indices.
     fn shifted(&self, row: usize, column: usize) -> impl Iterator<Item = (usize, u64)> {
-        let (skip, shift) = (column / 64, column % 64);
+        let skip = column / 64;
+        let shift = column % 64;
         let words = self.row(row);
         let below = std::iter::once(0).chain(words.iter().copied());
         words.iter().zip(below).enumerate().map(move |(k, (word, below))| {

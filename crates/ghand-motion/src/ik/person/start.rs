@@ -111,7 +111,8 @@ fn center(hand: &HandIk, seen: &SeenFrame, cameras: &[Camera]) -> Option<DVec3> 
     let middle = rest.iter().sum::<DVec3>() / rest.len() as f64;
     // Seen from a random side, a length is pi / 4 of itself.
     let size = median(rest.iter().map(|p| p.distance(middle)).collect()) * std::f64::consts::FRAC_PI_4;
-    let (mut matrix, mut vector) = (DMat3::ZERO, DVec3::ZERO);
+    let mut matrix = DMat3::ZERO;
+    let mut vector = DVec3::ZERO;
     for (number, camera) in cameras.iter().enumerate() {
         let pixels: Vec<DVec2> = (seen.sightings.iter())
             .filter_map(|s| match s.place {
@@ -127,10 +128,8 @@ fn center(hand: &HandIk, seen: &SeenFrame, cameras: &[Camera]) -> Option<DVec3> 
         }
         let depth = size * 0.5 * (camera.focal.x + camera.focal.y) / spread;
         let sight = ((at - camera.principal) / camera.focal).extend(1.0);
-        let (along, place) = (
-            camera.rotation.transpose() * sight.normalize(),
-            camera.rotation.transpose() * (sight * depth - camera.translation),
-        );
+        let along = camera.rotation.transpose() * sight.normalize();
+        let place = camera.rotation.transpose() * (sight * depth - camera.translation);
         let line = DMat3::from_cols(along * along.x, along * along.y, along * along.z);
         let weight = DMat3::IDENTITY + line * (DEPTH_WEIGHT - 1.0);
         matrix += weight;

@@ -94,7 +94,8 @@ impl Person {
 
     /// Relative error of a bone's length, root mean square, and of the sum of all.
     fn length_errors(&self, hand: &HandIk) -> (f64, f64) {
-        let (found, truth) = (Proportions::lengths(hand), Proportions::lengths(&self.truth));
+        let found = Proportions::lengths(hand);
+        let truth = Proportions::lengths(&self.truth);
         let squares = found.iter().zip(&truth).map(|(a, b)| (a / b - 1.0).powi(2)).sum::<f64>();
         let sum = found.iter().sum::<f64>() / truth.iter().sum::<f64>() - 1.0;
         ((squares / found.len() as f64).sqrt(), sum.abs())
@@ -105,7 +106,8 @@ impl Person {
         let squares: Vec<f64> = (self.poses.iter().zip(poses).enumerate())
             .filter(|(k, _)| *k != WRONG_FRAME)
             .flat_map(|(_, (truth, found))| {
-                let (truth, found) = (self.truth.landmarks(truth), hand.landmarks(found));
+                let truth = self.truth.landmarks(truth);
+                let found = hand.landmarks(found);
                 truth.into_iter().zip(found).map(|(a, b)| a.distance_squared(b)).collect::<Vec<f64>>()
             })
             .collect();
@@ -214,9 +216,11 @@ fn one_camera_gives_the_pose_and_keeps_the_mean_size() {
     let hand = person.proportions.hand(&fit.parameters);
     let (_, sum) = person.length_errors(&hand);
     // In the image, and in space but for where the hand is.
-    let (mut pixels, mut metres) = (vec![], vec![]);
+    let mut pixels = vec![];
+    let mut metres = vec![];
     for (truth, found) in person.poses.iter().zip(poses(&fit)) {
-        let (truth, found) = (person.truth.landmarks(truth), hand.landmarks(&found));
+        let truth = person.truth.landmarks(truth);
+        let found = hand.landmarks(&found);
         let mean = |places: &[DVec3; LANDMARK_COUNT]| places.iter().sum::<DVec3>() / LANDMARK_COUNT as f64;
         let moved = mean(&truth) - mean(&found);
         for (a, b) in truth.into_iter().zip(found) {
@@ -224,7 +228,8 @@ fn one_camera_gives_the_pose_and_keeps_the_mean_size() {
             metres.push(a.distance(b + moved));
         }
     }
-    let (pixels, metres) = (median(pixels), median(metres));
+    let pixels = median(pixels);
+    let metres = median(metres);
     println!("sum {:.2} %, {pixels:.1} px, {:.1} mm", 100.0 * sum, 1e3 * metres);
     // The size is within half a standard deviation of adults'.
     assert!(sum < 0.03 && pixels < 2.5 && metres < 0.008, "{sum} {pixels} {metres}");
@@ -289,7 +294,8 @@ fn a_frame_of_pixels_has_the_derivative_of_its_cost() {
 fn one_wrong_landmark_moves_least_squares_but_not_this_fit() {
     let person = person(9, 0.0);
     let mut rng = ChaCha8Rng::seed_from_u64(700);
-    let (mut robust, mut squares) = (0.0f64, 0.0f64);
+    let mut robust = 0.0f64;
+    let mut squares = 0.0f64;
     for (k, pose) in person.poses.iter().take(20).enumerate() {
         let truth = person.truth.landmarks(pose);
         let mut points = truth.map(|at| at + vector(&mut rng, 0.001));
@@ -337,7 +343,8 @@ fn fingers_swapped_in_one_camera_are_taken_from_the_other() {
     let hand = person.proportions.hand(&fit.parameters);
     let found = poses(&fit);
     for k in swapped {
-        let (truth, found) = (person.truth.landmarks(&person.poses[k]), hand.landmarks(&found[k]));
+        let truth = person.truth.landmarks(&person.poses[k]);
+        let found = hand.landmarks(&found[k]);
         let off = truth.iter().zip(&found).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
         println!("frame {k}: {:.1} mm", 1e3 * off);
         assert!(off < 0.012, "frame {k}: {off}");

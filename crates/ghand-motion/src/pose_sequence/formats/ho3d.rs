@@ -37,7 +37,9 @@ fn recording(value: &Value, frames: &[Value]) -> Recording {
         frame.get(name).and_then(Value::numbers).map(|array| array.values.clone()).unwrap_or_default()
     };
     let has_poses = frames.iter().any(|frame| frame.get(POSE).and_then(Value::numbers).is_some());
-    let (mut posed, mut seen, mut skipped) = (Vec::new(), Vec::new(), Skipped::default());
+    let mut posed = Vec::new();
+    let mut seen = Vec::new();
+    let mut skipped = Skipped::default();
     for (number, frame) in frames.iter().enumerate() {
         let id = id_of(frame, number);
         let problem = if has_poses {

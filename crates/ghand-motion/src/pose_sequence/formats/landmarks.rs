@@ -109,7 +109,9 @@ fn recording(
     let is = |own: &Option<Side>, wanted: Side| own.or(shared).is_none_or(|own| own == wanted);
     let has = |wanted: Side| all.iter().flatten().any(|(own, _)| is(own, wanted));
     let side = if has(source.wanted) { source.wanted } else { crate::retarget::other_side(source.wanted) };
-    let (mut found, mut skipped, mut known_side) = (Vec::new(), Skipped::default(), None);
+    let mut found = Vec::new();
+    let mut skipped = Skipped::default();
+    let mut known_side = None;
     for (number, (frame, hands)) in frames.iter().zip(&all).enumerate() {
         let id = id_of(frame, number);
         let Some((own, hand)) = hands.iter().find(|(own, _)| is(own, side)) else {

@@ -123,8 +123,10 @@ fn recording(
     from_mean: bool,
 ) -> Result<Recording, PoseError> {
     let Chosen { side, hands: chosen, remark } = chosen(source.wanted, hands);
-    let (mut frames, mut skipped) = (Vec::<PoseFrame>::new(), Skipped::default());
-    let (mut seen, mut left) = (std::collections::HashSet::new(), LeftRotations::Own);
+    let mut frames = Vec::<PoseFrame>::new();
+    let mut skipped = Skipped::default();
+    let mut seen = std::collections::HashSet::new();
+    let mut left = LeftRotations::Own;
     let by_components = chosen.iter().any(|hand| hand.from_components && hand.frame.is_ok());
     let flat = components::flag(value, "flat_hand_mean");
     let from_mean = flat.map_or(from_mean || by_components, |flat| !flat);

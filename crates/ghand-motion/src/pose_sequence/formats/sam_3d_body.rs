@@ -58,7 +58,9 @@ pub(crate) fn read(source: &Source, value: &Value) -> Option<Result<Recording, P
 }
 
 fn recording(source: &Source, frames: &[(String, &Value)]) -> Recording {
-    let (mut found, mut skipped, mut most) = (Vec::new(), Skipped::default(), 1);
+    let mut found = Vec::new();
+    let mut skipped = Skipped::default();
+    let mut most = 1;
     for (id, frame) in frames {
         let Some((body, count)) = first_body(frame) else {
             skipped.add(id, "has no body");

@@ -85,7 +85,8 @@ pub(crate) fn numbers_of_joints(source: &Source, value: &Value, numbers: &Value)
 /// Positions alone, with the other fields of `value`; the side is that of a field or unknown.
 pub(crate) fn positions_alone(source: &Source, value: &Value, array: &NumericArray) -> Result<Recording, PoseError> {
     let joints = array.shape.iter().rev().nth(1).copied().unwrap_or(25);
-    let (mut frames, mut skipped) = (vec![], Skipped::default());
+    let mut frames = vec![];
+    let mut skipped = Skipped::default();
     for (k, numbers) in array.values.chunks_exact(3 * joints).enumerate() {
         let positions = numbers.chunks_exact(3).skip(joints - 25).map(DVec3::from_slice);
         add_frame(
@@ -179,7 +180,8 @@ fn frames_of_joints(source: &Source, value: &Value, frames: &[Value]) -> Result<
     };
     let other = crate::retarget::other_side(source.wanted);
     let side = if has(source.wanted) { source.wanted } else { other };
-    let (mut placed, mut skipped) = (Vec::new(), Skipped::default());
+    let mut placed = Vec::new();
+    let mut skipped = Skipped::default();
     let mut known_side = shared;
     for (number, frame) in frames.iter().enumerate() {
         let id = id_of(frame, number);
@@ -212,7 +214,8 @@ fn archive(source: &Source, value: &Value) -> Result<Recording, PoseError> {
             source.invalid("orientations", format!("must be for {count} frames of {joints} joints as positions"))
         );
     }
-    let (mut frames, mut skipped) = (Vec::new(), Skipped::default());
+    let mut frames = Vec::new();
+    let mut skipped = Skipped::default();
     for k in 0..count {
         let place = |j: usize| {
             let at = k * joints + j;

@@ -91,7 +91,8 @@ impl Skipped {
 
     /// One warning for all of them; an error if no frame is left.
     pub fn finish(&self, source: &Source, usable: usize) -> Result<Option<String>, PoseError> {
-        let (count, total) = (self.ids.len(), self.ids.len() + usable);
+        let count = self.ids.len();
+        let total = self.ids.len() + usable;
         let Some(id) = self.ids.first() else { return Ok(None) };
         if usable == 0 {
             let problem = format!("none of the {total} can be used; frame {id:?}: {}", self.problem);

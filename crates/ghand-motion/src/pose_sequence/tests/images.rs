@@ -50,13 +50,15 @@ fn some_poses(model: &HandModel) -> Vec<Pose> {
 #[test]
 fn pixels_of_two_cameras_give_the_poses_through_their_lenses() {
     let model = builtin_hand(Side::Right).unwrap();
-    let (poses, ik) = (some_poses(&model), HandIk::new(&RestSkeleton::of(&model).unwrap()));
+    let poses = some_poses(&model);
+    let ik = HandIk::new(&RestSkeleton::of(&model).unwrap());
     let given = file(&poses, &model);
     let (sequence, fit) = poses_and_fit("f", &value(&given), &model, &options()).unwrap();
     let fit = fit.unwrap();
     assert_eq!((sequence.fps, sequence.frames[2].id.as_str(), fit.unit), (25.0, "f2", "px"));
     for (frame, pose) in sequence.frames.iter().zip(&poses) {
-        let (found, truth) = (ik.landmarks(&frame.pose), ik.landmarks(pose));
+        let found = ik.landmarks(&frame.pose);
+        let truth = ik.landmarks(pose);
         let off = found.iter().zip(&truth).map(|(a, b)| a.distance(*b)).fold(0.0, larger);
         assert!(off < 1e-3, "frame {}: {off}", frame.id);
         assert_eq!(frame.shape.len(), model.shape_count());

@@ -52,7 +52,8 @@ fn poses_for_one_skeleton_give_another_the_same_finger_directions() {
 
 #[test]
 fn a_round_trip_through_files_gives_the_same_pose() {
-    let (own, other) = (right(), webxr(Side::Right));
+    let own = right();
+    let other = webxr(Side::Right);
     let poses = poses(own, 3);
     let there: Vec<Pose> =
         read(&written(own, &poses), &other).unwrap().frames.into_iter().map(|frame| frame.pose).collect();

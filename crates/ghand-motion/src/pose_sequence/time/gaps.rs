@@ -70,7 +70,8 @@ impl Fill {
 
     fn with_gaps_filled(&self, first: f64, last: f64) -> (Vec<PoseFrame>, Vec<String>) {
         let mut found: Vec<PoseFrame> = vec![];
-        let (mut gaps, mut warnings) = (vec![], vec![]);
+        let mut gaps = vec![];
+        let mut warnings = vec![];
         let count_of = |length: f64| (length.round() as usize).saturating_sub(1);
         let longest = LONGEST_GAP * self.fps;
         let Some((start, end)) = self.frames.first().zip(self.frames.last()) else { return (found, warnings) };

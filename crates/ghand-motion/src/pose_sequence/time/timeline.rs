@@ -233,7 +233,8 @@ fn slots(value: &Value) -> Vec<Slot> {
         let found = names.iter().find_map(|name| value.get(name)?.items())?;
         (found.len() > 1 && found.iter().all(|item| item.number().is_some() || item.text().is_some())).then_some(found)
     };
-    let (times, ids) = (row(&TIME_NAMES), row(&NUMBER_NAMES));
+    let times = row(&TIME_NAMES);
+    let ids = row(&NUMBER_NAMES);
     let count = times.as_ref().or(ids.as_ref()).map_or(0, Vec::len);
     let named = value.get("ids").is_some();
     let slot = |k: usize| {

@@ -98,7 +98,8 @@ fn fitted(
     model: &HandModel,
     warnings: &mut Vec<String>,
 ) -> Result<(Vec<PoseFrame>, LandmarkFit), PoseError> {
-    let (mut skipped, mut rejected) = (Skipped::default(), vec![]);
+    let mut skipped = Skipped::default();
+    let mut rejected = vec![];
     let mut reject = |id: &str, problem: String| {
         skipped.add(id, problem.clone());
         rejected.push((id.to_owned(), problem));

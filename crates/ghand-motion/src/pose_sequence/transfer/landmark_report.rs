@@ -216,7 +216,8 @@ pub(crate) fn report(
                 .into(),
         );
     } else if (ratio - 1.0).abs() > USUAL_SIZE {
-        let (percent, than) = (100.0 * (ratio - 1.0).abs(), if ratio < 1.0 { "shorter" } else { "longer" });
+        let percent = 100.0 * (ratio - 1.0).abs();
+        let than = if ratio < 1.0 { "shorter" } else { "longer" };
         remarks.push(format!(
             "the hand is {percent:.0} % {than} than the model's, more than adults differ: check the scale of the \
              {}",

@@ -59,7 +59,8 @@ pub fn torus(n: u32, m: u32) -> Model {
     for i in 0..=n {
         for j in 0..=m {
             let uv = DVec2::new(f64::from(i) / f64::from(n), f64::from(j) / f64::from(m));
-            let (s, t_angle) = (uv.x * std::f64::consts::TAU, uv.y * std::f64::consts::TAU);
+            let s = uv.x * std::f64::consts::TAU;
+            let t_angle = uv.y * std::f64::consts::TAU;
             let out = DVec3::new(s.cos(), s.sin(), 0.0);
             let normal = out * t_angle.cos() + DVec3::Z * t_angle.sin();
             t.positions.push(out * 0.08 + normal * (0.03 + 0.004 * (5.0 * s).sin()));
@@ -146,7 +147,8 @@ pub fn compare(image: &MeshImage, expected: &MeshImage, flips: usize) -> Result<
 /// The smaller change of a value per pixel to both sides along a row and a column, added: that of the surface, not of its
 /// edge.
 fn slope(image: &MeshImage, i: usize, value: impl Fn(usize) -> f32) -> f32 {
-    let (width, x) = (image.width as usize, i % image.width as usize);
+    let width = image.width as usize;
+    let x = i % image.width as usize;
     let change = |beside: Option<usize>| {
         let change = beside.map_or(f32::INFINITY, |k| (value(k) - value(i)).abs());
         if change.is_finite() { change } else { f32::INFINITY }

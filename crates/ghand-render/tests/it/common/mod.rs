@@ -232,7 +232,8 @@ pub fn larger(a: f64, b: f64) -> f64 {
 /// The largest difference of two images, without pixels that differ by more than `flip`, and the number of those
 /// pixels.
 pub fn compare_images(image: &[[f32; 4]], twin: &[[f64; 4]], flip: f64) -> (f64, usize) {
-    let (mut worst, mut flips) = (0.0, 0);
+    let mut worst = 0.0;
+    let mut flips = 0;
     for (a, b) in image.iter().zip(twin) {
         let difference = (0..4).map(|c| (f64::from(a[c]) - b[c]).abs()).fold(0.0, larger);
         if !(difference <= flip) {
@@ -301,7 +302,9 @@ pub fn check_with_alpha_cut(model: SplatModel, alpha: u32, gaussians: &[Gaussian
         antialias: model.antialias,
         thresholds: Thresholds { alpha_min: cut, ..Thresholds::default() },
     };
-    let (twin, depth, largest_weights) = (scene.rasterize(), scene.depth(), scene.largest_weights());
+    let twin = scene.rasterize();
+    let depth = scene.depth();
+    let largest_weights = scene.largest_weights();
     let mut weights = random_weights(3, twin.len());
     let first = render_with(&devices()[0], model, thresholds, &numbers, camera, opacity, &weights);
     // A contribution of just the cut can be used on one side and skipped on the other, and of two Gaussians at almost the
@@ -332,7 +335,8 @@ pub fn check_with_alpha_cut(model: SplatModel, alpha: u32, gaussians: &[Gaussian
         let weights_error = relative_error(&rendered.largest_weights, &largest_weights);
         assert!(weights_error <= 1e-3, "largest weights: {weights_error}");
         let check = |what: &str, got: &[f32], expected: &[f64]| {
-            let (error, cosine) = (relative_error(got, expected), cosine(got, expected));
+            let error = relative_error(got, expected);
+            let cosine = cosine(got, expected);
             println!("  {what}: relative L2 error {error:.1e}, 1 - cosine {:.1e}", 1.0 - cosine);
             assert!(error <= TOLERANCE && cosine >= 0.99999, "{what}: relative L2 error {error}, cosine {cosine}");
             let wrong: Vec<f64> = expected.iter().map(|d| d * 1.0002).collect();

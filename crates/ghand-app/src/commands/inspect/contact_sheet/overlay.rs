@@ -129,7 +129,8 @@ mod tests {
         let rgba: Vec<[u8; 4]> = (0..301 * 200).map(|i| if near(i) { [255; 4] } else { [0; 4] }).collect();
         for window in [[0, 0, 301, 200], [120, 40, 150, 101]] {
             let cell = Cell::new(&camera, &rgba, window, [99, 61]);
-            let (mut sum, mut total) = (DVec2::ZERO, 0.0);
+            let mut sum = DVec2::ZERO;
+            let mut total = 0.0;
             for (x, y, value) in cell.mask.enumerate_pixels() {
                 let weight = f64::from(value.0[0]);
                 sum += DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5) * weight;

@@ -114,7 +114,8 @@ fn a_file_that_changes_is_read_again_and_pose_and_view_stay() {
     ui.open(&path);
     ui.click("fist");
     ui.camera().orbit(DVec2::new(50.0, 10.0));
-    let (camera, pose) = (ui.camera().clone(), ui.hand().pose.clone());
+    let camera = ui.camera().clone();
+    let pose = ui.hand().pose.clone();
     let settle = |ui: &mut Headless| (0..6).for_each(|_| _ = ui.frame(Vec::new()));
     settle(&mut ui);
     save(&path, "a longer name");
@@ -166,7 +167,8 @@ fn dropped_files_are_opened() {
 #[test]
 fn a_run_is_followed_from_its_first_avatar_to_its_result() {
     let folder = tempfile::tempdir().unwrap();
-    let (run, checkpoints) = (folder.path(), folder.path().join("checkpoints"));
+    let run = folder.path();
+    let checkpoints = folder.path().join("checkpoints");
     std::fs::create_dir(&checkpoints).unwrap();
     save(&checkpoints.join("preview.ghand"), "beginning");
     let mut ui = viewer();

@@ -40,7 +40,8 @@ fn keys_are_set_at_positions_and_the_motion_leads_from_one_to_the_next() {
     let mut ui = viewer();
     ui.make_keys();
     assert_eq!(ui.key_times(), [0.0, 1.0, 2.0]);
-    let (fist, open) = (ui.named("fist"), ui.named("open"));
+    let fist = ui.named("fist");
+    let open = ui.named("open");
     ui.enter(POSITION, "1");
     assert_eq!(ui.hand().pose, fist);
     ui.enter(POSITION, "1.5");
@@ -98,7 +99,8 @@ fn a_motion_of_keys_is_saved_as_poses_that_are_read_again() {
     let read = read_poses(&path, &model, &PoseOptions::default()).unwrap();
     assert_eq!((read.frames.len(), read.duration()), (61, 2.0));
     for (seconds, name) in [(0.0, "rest"), (1.0, "fist"), (2.0, "open")] {
-        let (now, wanted) = (read.pose_at(seconds).unwrap(), ui.named(name));
+        let now = read.pose_at(seconds).unwrap();
+        let wanted = ui.named(name);
         let worst = now.rotations.iter().zip(&wanted.rotations).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
         assert!(worst < 1e-9, "{name}: {worst}");
     }
@@ -111,7 +113,8 @@ fn a_motion_of_keys_is_saved_as_poses_that_are_read_again() {
         again.enter(POSITION, seconds);
         let mut saved = between.unwrap();
         saved.go_to(seconds.parse().unwrap());
-        let (now, wanted) = (again.hand().pose.clone(), saved.pose().unwrap());
+        let now = again.hand().pose.clone();
+        let wanted = saved.pose().unwrap();
         let worst = now.rotations.iter().zip(&wanted.rotations).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
         assert!(worst < 1e-9, "{seconds} s: {worst}");
     }

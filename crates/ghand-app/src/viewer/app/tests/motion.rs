@@ -42,7 +42,8 @@ impl Headless {
     }
 
     fn pointer(&mut self, pos: Pos2, pressed: Option<bool>) {
-        let (button, modifiers) = (PointerButton::Primary, Modifiers::default());
+        let button = PointerButton::Primary;
+        let modifiers = Modifiers::default();
         let press = pressed.map(|pressed| Event::PointerButton { pos, button, pressed, modifiers });
         self.frame([Event::PointerMoved(pos)].into_iter().chain(press).collect());
     }

@@ -104,12 +104,14 @@ fn a_copied_pose_can_be_pasted_and_other_text_changes_nothing() {
 fn a_dragged_fingertip_follows_the_pointer_and_other_fingers_stay() {
     let mut ui = viewer();
     let before = ui.pose();
-    let (tip, knuckle) = (ui.landmarks()[8], ui.landmarks()[5]);
+    let tip = ui.landmarks()[8];
+    let knuckle = ui.landmarks()[5];
     let to = tip.lerp(knuckle, 0.3);
     ui.drag(tip, to);
     let reached = ui.landmarks()[8];
     assert!(reached.distance(to) < 4.0, "{reached:?} instead of {to:?}");
-    let (now, names) = (ui.pose(), ui.hand().model().joint_names.clone());
+    let now = ui.pose();
+    let names = ui.hand().model().joint_names.clone();
     let changed = |joint: &usize| now.rotations[*joint] != before.rotations[*joint];
     let moved: Vec<&String> = (0..names.len()).filter(changed).map(|joint| &names[joint]).collect();
     assert!(!moved.is_empty() && moved.iter().all(|name| name.starts_with("index")), "{moved:?}");
@@ -122,7 +124,8 @@ fn a_dragged_fingertip_follows_the_pointer_and_other_fingers_stay() {
     ui.drag(wrist, wrist + vec2(20.0, -10.0));
     assert!(ui.landmarks()[0].distance(wrist + vec2(20.0, -10.0)) < 1.0);
     assert_eq!(ui.pose().rotations, before.rotations);
-    let (wrist, knuckle) = (ui.landmarks()[0], ui.landmarks()[9]);
+    let wrist = ui.landmarks()[0];
+    let knuckle = ui.landmarks()[9];
     ui.drag(knuckle, knuckle + vec2(30.0, 10.0));
     assert_ne!(ui.pose().rotations[0], before.rotations[0]);
     assert!(ui.landmarks()[0].distance(wrist) < 0.1);
@@ -132,7 +135,8 @@ fn a_dragged_fingertip_follows_the_pointer_and_other_fingers_stay() {
 #[test]
 fn without_handles_a_drag_on_a_finger_turns_the_view() {
     let mut ui = viewer();
-    let (before, camera) = (ui.pose(), ui.camera().clone());
+    let before = ui.pose();
+    let camera = ui.camera().clone();
     ui.press(Modifiers::NONE, Key::H);
     let tip = ui.landmarks()[8];
     ui.drag(tip, tip + vec2(20.0, 20.0));

@@ -81,7 +81,8 @@ fn settle(ui: &mut Headless) {
 fn put_picture_into_capture(ui: &mut Headless) {
     let viewer = ui.viewer();
     let panel = viewer.document.capture().unwrap();
-    let (camera, capture) = (panel.chosen().unwrap().0.clone(), panel.capture().clone());
+    let camera = panel.chosen().unwrap().0.clone();
+    let capture = panel.capture().clone();
     let (camera_index, frame) = panel.chosen_indices().unwrap();
     let background = capture.background.map(|v| v as f32);
     let inputs =

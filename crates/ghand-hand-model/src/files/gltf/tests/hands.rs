@@ -199,7 +199,8 @@ fn joints_beside_each_other_are_a_hand_by_their_names() {
 #[test]
 fn nodes_above_the_joints_scale_and_turn_the_hand_and_that_of_the_mesh_does_not() {
     let hand = Rig::hand().read().model;
-    let (turn, half) = (glam::DQuat::from_rotation_x(1.0), json!([0.5f64.sin(), 0.0, 0.0, 0.5f64.cos()]));
+    let turn = glam::DQuat::from_rotation_x(1.0);
+    let half = json!([0.5f64.sin(), 0.0, 0.0, 0.5f64.cos()]);
     for (rig, turn) in [
         (Rig::hand().in_unit(100.0).below(json!({"scale": [0.01, 0.01, 0.01]})), glam::DQuat::IDENTITY),
         (Rig::hand().in_unit(1000.0).below(json!({"scale": [1e-3, 1e-3, 1e-3], "rotation": half})), turn),

@@ -38,7 +38,8 @@ fn morph_targets_are_the_shape_directions_and_the_joints_follow_the_skin() {
     let file = hand.with_extras(r#"{"targetNames":["higher","taller"]}"#, "{}").read_with_warnings().unwrap();
     let model = &file.model;
     assert_eq!(model.shape_names, ["higher", "taller"]);
-    let (up, still) = (DVec3::Z * 0.25, DVec3::ZERO);
+    let up = DVec3::Z * 0.25;
+    let still = DVec3::ZERO;
     let moved = DVec3::Y * 0.5;
     assert_eq!(model.shape_directions, [up, up, up, up, still, still, moved, moved]);
     assert_eq!(file.warnings, [FITTED]);
@@ -195,7 +196,8 @@ fn sparse_and_missing_displacements_are_zero_elsewhere() {
         )
         .replace(r#"{"bufferView":5,"componentType":5126,"count":6,"type":"VEC3"}"#, sparse)
         .replace(r#"{"POSITION":6}"#, "{}");
-    let (zero, up) = (DVec3::ZERO, DVec3::Y * 0.5);
+    let zero = DVec3::ZERO;
+    let up = DVec3::Y * 0.5;
     assert_eq!(hand.read().unwrap().shape_directions, [zero, up, zero, up, zero, zero, zero, zero]);
     let none = SmallHand::new().with_targets(&[]).read_with_warnings().unwrap();
     assert_eq!((none.model.shape_count(), none.warnings), (0, vec![]));
@@ -237,7 +239,8 @@ fn fitted_joints_of_the_human_hand_are_near_those_of_its_file_in_every_shape() {
     follow_skin(&mut fitted);
     fitted.validate().unwrap();
     assert_eq!(fitted.joint_regressor.len(), 25);
-    let (mut sum, mut largest) = (0.0, (0.0f64, String::new()));
+    let mut sum = 0.0;
+    let mut largest = (0.0f64, String::new());
     for k in 0..10 {
         for value in [-2.0, 2.0] {
             let mut shape = [0.0; 10];

@@ -84,7 +84,9 @@ fn rows_of_hand(
     let Some(pose) = pose.and_then(Value::numbers) else { return Ok(()) };
     let count = pose.shape.first().copied().unwrap_or(0);
     let width = pose.values.len().checked_div(count).unwrap_or(0);
-    let (rot, trans, shape) = (flat(rot), flat(trans), flat(shape));
+    let rot = flat(rot);
+    let trans = flat(trans);
+    let shape = flat(shape);
     for (name, values) in [("rot", &rot), ("trans", &trans)] {
         if !values.is_empty() && values.len() != 3 * count {
             let problem = format!("has {} numbers for {count} frames, expected 3 each", values.len());

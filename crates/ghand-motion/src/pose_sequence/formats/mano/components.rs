@@ -244,7 +244,8 @@ pub(super) fn hands(source: &Source, value: &Value) -> Result<Vec<Hand>, PoseErr
         let parts = parts(width, &maps, !orients.is_empty()).map_err(|problem| source.invalid(name, problem))?;
         let side = first(&maps, &SIDE_NAMES).and_then(side_of);
         let count = array.values.len().checked_div(width).unwrap_or(0);
-        let (places, shapes) = (flat(first(&maps, &PLACE_NAMES)), flat(first(&maps, &SHAPE_NAMES)));
+        let places = flat(first(&maps, &PLACE_NAMES));
+        let shapes = flat(first(&maps, &SHAPE_NAMES));
         source.copied("shape", shapes.len() / count.max(1), count)?;
         for (k, row) in array.values.chunks_exact(width.max(1)).enumerate() {
             let id = match &id {

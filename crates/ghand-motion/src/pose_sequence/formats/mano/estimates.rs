@@ -197,7 +197,8 @@ fn parameters(
     };
     let sides = first(maps, &SIDE_NAMES);
     let left = left_rotations(maps);
-    let (shapes, places) = (flat(shapes), flat(places));
+    let shapes = flat(shapes);
+    let places = flat(places);
     for k in 0..count {
         let own_side = match sides {
             Some(Value::Numbers(array)) => array

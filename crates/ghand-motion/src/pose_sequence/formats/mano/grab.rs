@@ -33,7 +33,8 @@ pub(super) fn hands(source: &Source, value: &Value) -> Result<Vec<Hand>, PoseErr
         };
         let fingers = meaning(array, &[params, value]).map_err(|problem| source.invalid(&field(part), problem))?;
         let count = array.values.len() / fingers.width();
-        let (orients, places) = (flat(params.get("global_orient")), flat(params.get("transl")));
+        let orients = flat(params.get("global_orient"));
+        let places = flat(params.get("transl"));
         for (part, values) in [("global_orient", &orients), ("transl", &places)] {
             if params.get(part).is_none() {
                 return Err(source.invalid(&field(part), format!("is missing; give it as ({count}, 3)")));

@@ -59,7 +59,8 @@ pub(super) fn hands(source: &Source, value: &Value) -> Result<Vec<Hand>, PoseErr
         );
         Err(source.invalid(name, problem))
     };
-    let (orients, places) = (part("root_orient", 3)?, part("trans", 3)?);
+    let orients = part("root_orient", 3)?;
+    let places = part("trans", 3)?;
     let sides = sides(source, value, tracks, frames)?;
     let shapes = flat(value.get("betas"));
     let shape_width = shapes.len() / tracks.max(1);
