@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use ghand_avatar::ply::SplatScene;
+use ghand_avatar::scene_files::SplatScene;
 
 /// Reads a scene, and warns of numbers that are probably not what the format says.
 ///

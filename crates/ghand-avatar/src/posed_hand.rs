@@ -6,7 +6,7 @@ use ghand_render::splat::{Shape, SplatModel};
 use ghand_render::{Gpu, RenderError, buffers};
 
 use crate::avatar::Avatar;
-use crate::ply::SplatScene;
+use crate::scene_files::SplatScene;
 use crate::posed_avatar::PosedAvatar;
 use crate::reference::{TwinError, pose_avatar};
 use crate::scene::splat_model;

@@ -12,7 +12,7 @@ use ghand_render::{Gpu, RenderError, buffers};
 use glam::{DMat3, DVec3};
 
 use crate::avatar::Avatar;
-use crate::ply::SplatScene;
+use crate::scene_files::SplatScene;
 use crate::posed_avatar::PosedAvatar;
 use crate::template::GaussianShape;
 

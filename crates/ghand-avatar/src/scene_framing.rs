@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 use std::str::FromStr;
 
-use crate::ply::SplatScene;
+use crate::scene_files::SplatScene;
 use ghand_core::Camera;
 use ghand_core::statistics::median;
 use ghand_render::splat::NEAR;

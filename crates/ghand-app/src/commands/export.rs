@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use clap::Args;
-use ghand_avatar::ply::SplatScene;
+use ghand_avatar::scene_files::SplatScene;
 use ghand_avatar::{Avatar, PosedHand};
 use ghand_files::atomic_file::check_writable;
 use ghand_hand_model::files::rigged_glb::write_rigged_glb;

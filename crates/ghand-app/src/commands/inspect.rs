@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use clap::Args;
 use ghand_avatar::Avatar;
-use ghand_avatar::ply::SplatScene;
+use ghand_avatar::scene_files::SplatScene;
 use ghand_capture::Opened;
 use ghand_capture::inspection::{CaptureInspection, DEFAULT_SAMPLE};
 use ghand_files::atomic_file::check_writable;

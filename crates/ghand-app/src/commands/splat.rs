@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail, ensure};
 use bytemuck::cast_slice;
 use clap::Args;
-use ghand_avatar::ply::SplatScene;
+use ghand_avatar::scene_files::SplatScene;
 use ghand_avatar::scene_framing::{UpAxis, scene_turntable};
 use ghand_capture::cameras::named::read_named_camera;
 use ghand_core::Camera;

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::process::Output;
 
 use crate::common::{assert_one_sentence, listing, run_in, save_avatar};
-use ghand_avatar::ply::SplatScene;
+use ghand_avatar::scene_files::SplatScene;
 use ghand_render::{AdapterChoice, Gpu};
 
 const GHAND: &str = env!("CARGO_BIN_EXE_ghand");

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use ghand_avatar::ply::SplatScene;
+use ghand_avatar::scene_files::SplatScene;
 
 /// Names of the stored numbers before the harmonics, in the order of the table.
 const ROWS: [&str; 14] = [

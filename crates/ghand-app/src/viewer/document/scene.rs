@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use anyhow::ensure;
-use ghand_avatar::ply::SplatScene;
+use ghand_avatar::scene_files::SplatScene;
 use ghand_render::splat::SplatModel;
 use glam::DVec3;
 

@@ -5,7 +5,7 @@ use std::path::Path;
 use anyhow::{Context, bail};
 use egui::Ui;
 use ghand_avatar::framing::posed_vertices;
-use ghand_avatar::ply::SplatScene;
+use ghand_avatar::scene_files::SplatScene;
 use ghand_avatar::{Avatar, Light, Scene};
 use ghand_core::{HandModel, Pose};
 use ghand_files::input_file;

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use ghand_avatar::ply::SplatScene;
+use ghand_avatar::scene_files::SplatScene;
 use ghand_avatar::{Avatar, Scene};
 use ghand_render::splat::Purpose;
 use ghand_render::{Gpu, RenderError};
