@@ -3,7 +3,6 @@
 mod allocator;
 pub mod baked;
 pub mod bare_hand;
-pub mod blank_pictures;
 pub mod capture_args;
 pub mod capture_preflight;
 pub mod capture_source;

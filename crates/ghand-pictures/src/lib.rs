@@ -1,6 +1,7 @@
 //! Pictures as files: single ones, folders of them, films; plots, and letters in pictures.
 
 // Plots' library reads no fonts in browsers.
+pub mod blank_pictures;
 #[cfg(not(target_arch = "wasm32"))]
 pub mod color_scale;
 pub mod draw_text;

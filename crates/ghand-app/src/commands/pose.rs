@@ -21,12 +21,12 @@ use ghand_motion::{LandmarkFit, PoseFrame, PoseSequence};
 use ghand_pictures::{Background, Picture, StillFormat, parse_background};
 use glam::DVec3;
 
-use crate::blank_pictures::BlankPictures;
 use crate::cli::{AdapterArgs, parse_size};
 use crate::command_inputs::{CommandInputs, camera_file};
 use crate::hand_model_args::HandModelArgs;
 use crate::pose_choice::{PoseReadingArgs, choose_frame};
 use crate::say;
+use ghand_pictures::blank_pictures::BlankPictures;
 
 use mesh_picture::{PictureStyle, draw};
 

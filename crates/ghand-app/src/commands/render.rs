@@ -17,13 +17,13 @@ use ghand_pictures::{Background, Destination, Series, Shot, parse_background, tu
 use ghand_render::splat::{Purpose, band_rows};
 
 use crate::baked::{baked, refuse_quality};
-use crate::blank_pictures::BlankPictures;
 use crate::cli::{AdapterArgs, parse_count, parse_size};
 use crate::command_inputs::{CommandInputs, camera_file};
 use crate::format_args::FormatArgs;
 use crate::light_args::LightArgs;
 use crate::pose_choice::{PoseReadingArgs, frame_number};
 use crate::say;
+use ghand_pictures::blank_pictures::BlankPictures;
 
 use avatar_colors::AvatarColors;
 

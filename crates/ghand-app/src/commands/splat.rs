@@ -20,13 +20,13 @@ use image::ImageFormat;
 use safetensors::Dtype;
 use safetensors::tensor::TensorView;
 
-use crate::blank_pictures::BlankPictures;
 use crate::cli::{AdapterArgs, parse_count, parse_size};
 use crate::command_inputs::{CommandInputs, camera_file};
 use crate::format_args::FormatArgs;
 use crate::pose_choice::parse_fps;
 use crate::say;
 use crate::scene_file::read_scene_file;
+use ghand_pictures::blank_pictures::BlankPictures;
 
 /// Default size of a picture, if neither the command line nor a camera gives one.
 const DEFAULT_SIZE: [u32; 2] = [512, 512];

@@ -5,7 +5,7 @@ use ghand_render::mesh::NEAR_PLANE;
 use glam::DVec2;
 use glam::DVec3;
 
-use ghand_pictures::Picture;
+use crate::Picture;
 
 /// Things smaller than this many pixels are next to nothing.
 const LEAST_PIXELS: f64 = 2.0;
