@@ -5,7 +5,11 @@
 //! taken. `sent_ms` beside them is when it was sent, milliseconds of Unix time.
 //!
 //! [`LivePoses`] remembers what makes a stream quick and steady: the size of the tracked hand, the last pose, from
-//! which the fit to landmarks starts, and the filter ([`crate::one_euro`]).
+//! which the fit to landmarks starts, and the filter ([`crate::one_euro`]). With the feature `live-port`, `port` receives
+//! packets.
+
+#[cfg(feature = "live-port")]
+pub mod port;
 
 use std::collections::VecDeque;
 

@@ -22,7 +22,6 @@ use ghand_app::viewer::app::Viewer;
 use ghand_app::viewer::document::capture_panel::CapturePanel;
 use ghand_app::viewer::document::subject::Subject;
 use ghand_app::viewer::document::training_run::TrainingRun;
-use ghand_app::viewer::live::{DEFAULT_PORT, LiveSettings};
 use ghand_app::viewer::screenshot::screenshot;
 use ghand_app::viewer::session::settings::{Settings, Theme};
 use ghand_app::viewer::stage::comparison::Comparison;
@@ -30,6 +29,7 @@ use ghand_app::viewer::stage::layer::Layer;
 use ghand_app::viewer::stage::overlay::Overlay;
 use ghand_app::viewer::window;
 use ghand_app::viewer::window::device_message;
+use ghand_motion::live::port::{DEFAULT_PORT, LiveSettings};
 
 /// View an animatable hand avatar, or a scene of Gaussians
 #[derive(Debug, Parser)]

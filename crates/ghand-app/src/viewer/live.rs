@@ -1,46 +1,25 @@
 //! Live poses: packets from the port drive the hand until something else changes its pose.
 
 pub mod link;
-mod mailbox;
-mod origin;
-mod port;
 mod rate;
 
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use egui::{Align, Context, Layout, RichText, Ui};
 use ghand_core::Pose;
+use ghand_motion::live::port::{LivePort, LiveSettings, Packet};
 use ghand_motion::live::{LiveOptions, LivePoses, PacketKind};
 
 use crate::viewer::hand::Hand;
 use crate::viewer::rendering::frame::Median;
-pub use mailbox::{Mailbox, Packet};
-pub use port::LivePort;
 use rate::Rate;
 
-/// The port if the user names none: "hand" on the keys of a telephone.
-pub const DEFAULT_PORT: u16 = 4263;
 /// Interval of looks at the rates while packets come.
 const LOOK: Duration = Duration::from_millis(500);
 /// Longest reason that is shown, characters: a packet may contain any text.
 const LONGEST_REASON: usize = 160;
 /// A sender whose clock differs by more than this, milliseconds, does not send Unix time.
 const LARGEST_CLOCK_DIFFERENCE: f64 = 60_000.0;
-
-/// Which port takes live poses, and whose pages may use it.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct LiveSettings {
-    /// The port on this computer; 0 for any that is free.
-    pub port: u16,
-    /// Origins of pages that may use it, beside those of this computer.
-    pub origins: Vec<String>,
-}
-
-impl Default for LiveSettings {
-    fn default() -> Self {
-        LiveSettings { port: DEFAULT_PORT, origins: Vec::new() }
-    }
-}
 
 /// What the rest of the viewer should know.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -129,7 +108,10 @@ impl Live {
     /// poses pause.
     pub fn advance(&mut self, hand: &mut Hand, context: &Context) -> Option<LiveEvent> {
         let mailbox = self.port.mailbox();
-        mailbox.wake(context);
+        mailbox.wake({
+            let context = context.clone();
+            move || context.request_repaint()
+        });
         let packets = mailbox.take();
         self.received.count(mailbox.tally().received);
         // Asked before the rates are brought up to date: a rate that falls to zero must be shown, too.

@@ -3,10 +3,10 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use ghand_app::viewer::live::{DEFAULT_PORT, LivePort, LiveSettings};
 use ghand_core::Side;
 use ghand_core::rotation::rotation_from_axis_angle;
 use ghand_hand_model::builtin::builtin_hand;
+use ghand_motion::live::port::{DEFAULT_PORT, LivePort, LiveSettings};
 use ghand_motion::live::{LiveOptions, LivePose, LivePoses, PacketKind};
 
 fn example(name: &str) -> PathBuf {

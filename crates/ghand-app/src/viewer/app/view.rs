@@ -4,9 +4,10 @@ use std::time::Duration;
 
 use egui::{Align2, Button, Color32, Context, FontId, Rect, Ui, vec2};
 use ghand_motion::live::PacketKind;
+use ghand_motion::live::port::LiveSettings;
 
 use crate::viewer::app::Viewer;
-use crate::viewer::live::{LiveEvent, LiveSettings};
+use crate::viewer::live::LiveEvent;
 use crate::viewer::rendering::picture::Progress;
 use crate::viewer::stage::viewport::Viewport;
 

@@ -1,10 +1,11 @@
 //! Whether live poses are taken: start, stop, and what they do to the hand.
 
 use egui::{Context, Ui};
+use ghand_motion::live::port::LiveSettings;
 
 use crate::viewer::document::Document;
 use crate::viewer::document::subject::Subject;
-use crate::viewer::live::{Live, LiveEvent, LiveSettings};
+use crate::viewer::live::{Live, LiveEvent};
 
 /// Live poses, while their port is open, and the settings with which it is opened.
 #[derive(Default)]

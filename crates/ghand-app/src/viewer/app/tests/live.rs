@@ -7,8 +7,9 @@ use egui::{Key, Modifiers};
 use ghand_core::Pose;
 use glam::DVec3;
 
+use ghand_motion::live::port::LiveSettings;
+
 use super::*;
-use crate::viewer::live::LiveSettings;
 
 const ANY_PORT: LiveSettings = LiveSettings { port: 0, origins: Vec::new() };
 

@@ -3,6 +3,9 @@
 //! One thread accepts connections and has one thread for each, another takes datagrams. All of them block, so that a
 //! packet is taken when it arrives; to close the port, each is woken through its own socket.
 
+mod mailbox;
+mod origin;
+
 use std::io;
 use std::net::{Ipv4Addr, Shutdown, SocketAddr, TcpListener, TcpStream, UdpSocket};
 use std::sync::Arc;
@@ -10,16 +13,17 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
-use anyhow::{Context, anyhow};
-use ghand_motion::live::LARGEST_PACKET;
 use tungstenite::handshake::server::{Callback, ErrorResponse, Request, Response};
 use tungstenite::http::StatusCode;
 use tungstenite::protocol::WebSocketConfig;
 use tungstenite::{Error, Message, accept_hdr_with_config};
 
-use super::LiveSettings;
-use super::mailbox::Mailbox;
-use super::origin::is_allowed;
+use super::LARGEST_PACKET;
+pub use mailbox::{Mailbox, Packet, Tally};
+use origin::is_allowed;
+
+/// The port if the user names none: "hand" on the keys of a telephone.
+pub const DEFAULT_PORT: u16 = 4263;
 
 /// Most connections at once: a tracker has one.
 const MOST_CONNECTIONS: usize = 8;
@@ -29,6 +33,26 @@ const HANDSHAKE: Duration = Duration::from_secs(5);
 const ANSWER: Duration = Duration::from_secs(1);
 /// After a failed call of the system, so that a lasting failure does not use up a processor.
 const AFTER_FAILURE: Duration = Duration::from_millis(50);
+
+/// Which port takes live poses, and whose pages may use it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct LiveSettings {
+    /// The port on this computer; 0 for any that is free.
+    pub port: u16,
+    /// Origins of pages that may use it, beside those of this computer.
+    pub origins: Vec<String>,
+}
+
+impl Default for LiveSettings {
+    fn default() -> Self {
+        LiveSettings { port: DEFAULT_PORT, origins: Vec::new() }
+    }
+}
+
+/// A port that cannot be opened: cause and remedy in one sentence.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub struct PortError(String);
 
 /// An open port. Dropping it closes the port and ends its threads.
 pub struct LivePort {
@@ -54,10 +78,10 @@ impl LivePort {
     ///
     /// # Errors
     /// One sentence if the number is taken or not allowed, or if threads cannot be started.
-    pub fn open(settings: &LiveSettings) -> anyhow::Result<LivePort> {
+    pub fn open(settings: &LiveSettings) -> Result<LivePort, PortError> {
         let refused = |number: u16| move |error: io::Error| refusal(number, &error);
         let tcp = TcpListener::bind((Ipv4Addr::LOCALHOST, settings.port)).map_err(refused(settings.port))?;
-        let number = tcp.local_addr()?.port();
+        let number = tcp.local_addr().map_err(refused(settings.port))?.port();
         let udp = UdpSocket::bind((Ipv4Addr::LOCALHOST, number)).map_err(refused(number))?;
         let shared = Arc::new(Shared {
             mailbox: Mailbox::default(),
@@ -66,10 +90,10 @@ impl LivePort {
         });
         let mut port = LivePort { number, shared: shared.clone(), threads: Vec::new() };
         let thread = |name: &str| thread::Builder::new().name(format!("live {name}"));
-        let why = "live poses: no thread can be started";
+        let failed = |error: io::Error| PortError(format!("live poses: no thread can be started: {error}"));
         let own = shared.clone();
-        port.threads.push(thread("connections").spawn(move || accept(&tcp, &own)).context(why)?);
-        port.threads.push(thread("datagrams").spawn(move || take_datagrams(&udp, &shared)).context(why)?);
+        port.threads.push(thread("connections").spawn(move || accept(&tcp, &own)).map_err(failed)?);
+        port.threads.push(thread("datagrams").spawn(move || take_datagrams(&udp, &shared)).map_err(failed)?);
         Ok(port)
     }
 
@@ -98,17 +122,17 @@ impl Drop for LivePort {
     }
 }
 
-fn refusal(number: u16, error: &io::Error) -> anyhow::Error {
-    match error.kind() {
-        io::ErrorKind::AddrInUse => anyhow!(
+fn refusal(number: u16, error: &io::Error) -> PortError {
+    PortError(match error.kind() {
+        io::ErrorKind::AddrInUse => format!(
             "port {number} is already in use, perhaps by another viewer; close that program, or start with another \
              port (--live=PORT)"
         ),
         io::ErrorKind::PermissionDenied => {
-            anyhow!("port {number} is not allowed: {error}; choose one above 1023 (--live=PORT)")
+            format!("port {number} is not allowed: {error}; choose one above 1023 (--live=PORT)")
         }
-        _ => anyhow!("port {number} cannot be opened: {error}; choose another (--live=PORT)"),
-    }
+        _ => format!("port {number} cannot be opened: {error}; choose another (--live=PORT)"),
+    })
 }
 
 fn take_datagrams(socket: &UdpSocket, shared: &Shared) {

@@ -1,10 +1,8 @@
-//! Where packets wait for the viewer: few, the newest.
+//! Where packets wait for the program: few, the newest.
 
 use std::collections::VecDeque;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
-
-use egui::Context;
 
 /// Most packets that wait. One would do if all were usable; with a few, a broken packet does not hide the good one
 /// before it.
@@ -32,14 +30,17 @@ pub struct Tally {
     pub reason: String,
 }
 
+/// What is called when something has arrived.
+type Wake = Arc<dyn Fn() + Send + Sync>;
+
 #[derive(Default)]
 struct Content {
     waiting: VecDeque<Packet>,
     tally: Tally,
-    context: Option<Context>,
+    wake: Option<Wake>,
 }
 
-/// The queue between the threads of the port and the viewer.
+/// The queue between the threads of the port and the program.
 #[derive(Default)]
 pub struct Mailbox {
     content: Mutex<Content>,
@@ -50,7 +51,7 @@ impl Mailbox {
         self.content.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Adds a packet; if too many wait, the oldest is dropped. Wakes the user interface if none waited.
+    /// Adds a packet; if too many wait, the oldest is dropped. Wakes the program if none waited.
     pub fn put(&self, bytes: &[u8]) {
         let packet = Packet { bytes: bytes.to_vec(), arrived: Instant::now() };
         let mut content = self.content();
@@ -61,11 +62,11 @@ impl Mailbox {
             content.waiting.pop_front();
             content.tally.dropped += 1;
         }
-        let context = content.context.clone().filter(|_| was_empty);
-        // The user interface may be asking for the mailbox.
+        let wake = content.wake.clone().filter(|_| was_empty);
+        // What is woken may ask for the mailbox.
         drop(content);
-        if let Some(context) = context {
-            context.request_repaint();
+        if let Some(wake) = wake {
+            wake();
         }
     }
 
@@ -79,10 +80,10 @@ impl Mailbox {
         let mut content = self.content();
         content.tally.unusable += 1;
         content.tally.reason = reason;
-        let context = content.context.clone();
+        let wake = content.wake.clone();
         drop(content);
-        if let Some(context) = context {
-            context.request_repaint();
+        if let Some(wake) = wake {
+            wake();
         }
     }
 
@@ -96,9 +97,9 @@ impl Mailbox {
         self.content().tally.clone()
     }
 
-    /// Wakes this user interface from now on.
-    pub fn wake(&self, context: &Context) {
-        self.content().context = Some(context.clone());
+    /// Calls this from now on when something arrives while nothing waits. It runs on a thread of the port.
+    pub fn wake(&self, wake: impl Fn() + Send + Sync + 'static) {
+        self.content().wake = Some(Arc::new(wake));
     }
 }
 
