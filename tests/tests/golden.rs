@@ -1,9 +1,7 @@
-//! Pictures as they were when they were last looked at: `tests/golden/*.png`, made on a CPU adapter.
+//! Pictures as they were when they were last looked at: [`ghand_test_support::golden`].
 //!
-//! `GHAND_UPDATE_GOLDEN=1 cargo test --workspace --test golden` makes them anew; look at them before you commit them.
+//! `GHAND_UPDATE_GOLDEN=1 cargo test --workspace --test golden` makes them anew.
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
-
-use std::path::{Path, PathBuf};
 
 use ghand_avatar::framing::turntable;
 use ghand_avatar::{Avatar, AvatarConfig, Scene};
@@ -14,45 +12,10 @@ use ghand_render::splat::Purpose;
 use ghand_render::{AdapterChoice, DeviceError, Gpu, Tier};
 use ghand_synthetic::make_capture::make_capture;
 use ghand_synthetic::{LightSetup, SyntheticOptions};
+use ghand_test_support::golden::check;
 use image::{Rgb, RgbImage};
 
-/// Values of 8 bits that all adapters and drivers agree to within; the part of a picture's values that may be farther off; and
-/// how far any may be.
-const CLOSE: u8 = 2;
-const FARTHER: f64 = 0.002;
-const FARTHEST: u8 = 24;
-
 const SIZE: [u32; 2] = [128, 128];
-
-fn folder() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("golden")
-}
-
-/// What is wrong with a picture.
-fn difference(picture: &RgbImage, golden: &RgbImage) -> Option<String> {
-    if picture.dimensions() != golden.dimensions() {
-        return Some(format!("has {:?} pixels, not {:?}", picture.dimensions(), golden.dimensions()));
-    }
-    let differences: Vec<u8> = picture.as_raw().iter().zip(golden.as_raw()).map(|(a, b)| a.abs_diff(*b)).collect();
-    let far = differences.iter().filter(|difference| **difference > CLOSE).count();
-    let farthest = differences.iter().copied().max().unwrap_or(0);
-    let is_other = far as f64 > FARTHER * differences.len() as f64 || farthest > FARTHEST;
-    is_other
-        .then(|| format!("{far} of {} values differ by more than {CLOSE}, by {farthest} at most", differences.len()))
-}
-
-fn check(name: &str, picture: &RgbImage) {
-    let file = folder().join(format!("{name}.png"));
-    if std::env::var_os("GHAND_UPDATE_GOLDEN").is_some() {
-        picture.save(&file).unwrap();
-    }
-    let golden = image::open(&file).unwrap().into_rgb8();
-    if let Some(difference) = difference(picture, &golden) {
-        let made = std::env::temp_dir().join(format!("{name}.png"));
-        picture.save(&made).unwrap();
-        panic!("{name}: {difference}; compare {} with {}", made.display(), file.display());
-    }
-}
 
 /// The built-in hand with stripes of colour, so that what goes where is seen.
 fn striped(side: Side, config: AvatarConfig) -> Avatar {
@@ -115,16 +78,4 @@ fn synthetic_captures_are_drawn_as_before() {
     let capture = ghand_capture::Capture::open(&folder.path().join("capture")).unwrap();
     let image = image::open(capture.image_file(0, 0).unwrap()).unwrap().into_rgb8();
     check("synthetic-side-light", &image);
-}
-
-#[test]
-fn another_picture_is_found() {
-    let golden = RgbImage::from_fn(64, 64, |x, y| Rgb([x as u8, y as u8, 90]));
-    assert_eq!(difference(&golden, &golden), None);
-    let brighter = RgbImage::from_fn(64, 64, |x, y| Rgb([x as u8 + 3, y as u8, 90]));
-    let mut spot = golden.clone();
-    spot.put_pixel(5, 5, Rgb([255, 0, 0]));
-    for wrong in [brighter, spot, RgbImage::new(63, 64)] {
-        assert!(difference(&wrong, &golden).is_some());
-    }
 }

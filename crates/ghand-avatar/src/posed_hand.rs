@@ -6,10 +6,10 @@ use ghand_render::splat::{Shape, SplatModel};
 use ghand_render::{Gpu, RenderError, buffers};
 
 use crate::avatar::Avatar;
-use crate::scene_files::SplatScene;
 use crate::posed_avatar::PosedAvatar;
 use crate::reference::{TwinError, pose_avatar};
 use crate::scene::splat_model;
+use crate::scene_files::SplatScene;
 use crate::template::GaussianShape;
 
 /// An avatar in one pose at a time, without a splatter.

@@ -12,8 +12,8 @@ use ghand_render::{Gpu, RenderError, buffers};
 use glam::{DMat3, DVec3};
 
 use crate::avatar::Avatar;
-use crate::scene_files::SplatScene;
 use crate::posed_avatar::PosedAvatar;
+use crate::scene_files::SplatScene;
 use crate::template::GaussianShape;
 
 /// Opacity of every Gaussian of an avatar; fixed, as in the paper.

@@ -1,12 +1,13 @@
 //! What tests of several crates share: hands from a few lengths ([`procedural_hand`]), MANO files ([`mano_files`]), the
 //! inputs of the fuzz targets ([`fuzz_corpus`]), a measure of how deep a posed hand is inside itself
-//! ([`self_penetration`]), how many random cases tests try ([`cases`]), and files next to the checkout, in `../shared`,
+//! ([`self_penetration`]), pictures as they were before ([`golden`]), how many random cases tests try ([`cases`]), and files next to the checkout, in `../shared`,
 //! with the tests that are skipped without them ([`shared`]).
 //!
 //! Cargo hides the output of `println!` in passing tests. A skipped test therefore writes its line directly to standard
 //! error, and appends it to the file in `GHAND_SKIPPED_TESTS`, which `make test` summarises at its end.
 
 pub mod fuzz_corpus;
+pub mod golden;
 pub mod mano_files;
 pub mod procedural_hand;
 pub mod self_penetration;

@@ -25,6 +25,7 @@ mod ends;
 #[cfg(target_os = "linux")]
 mod environment;
 mod evaluate;
+mod golden;
 mod hand_models;
 mod inspect;
 mod live;

@@ -11,10 +11,12 @@ mod output;
 mod pointer;
 mod pose;
 mod saved_views;
+mod snapshots;
 mod thumbnails;
 mod truth;
 
 use std::path::Path;
+use std::sync::{Arc, Mutex};
 
 use egui::{Event, Vec2, vec2};
 use egui_kittest::Harness;
@@ -26,6 +28,7 @@ use ghand_render::AdapterChoice;
 use ghand_test_support::procedural_hand::ProceduralHand;
 use glam::DVec2;
 
+use self::snapshots::Textures;
 use super::*;
 use crate::pose_choice::pose_by_name;
 use crate::viewer::document::scene::tests::scene;
@@ -40,7 +43,7 @@ const SIZE: Vec2 = vec2(700.0, 400.0);
 
 struct State {
     viewer: Viewer,
-    renderer: egui_wgpu::Renderer,
+    renderer: Arc<Mutex<egui_wgpu::Renderer>>,
 }
 
 /// The user interface of a viewer without a window.
@@ -57,9 +60,11 @@ impl Headless {
         viewer.settings_mut().thumbnails_shown = false;
         let options = egui_wgpu::RendererOptions::PREDICTABLE;
         let renderer = egui_wgpu::Renderer::new(&gpu.device, wgpu::TextureFormat::Rgba8Unorm, options);
-        let show = |ui: &mut Ui, state: &mut State| state.viewer.ui(ui, &mut state.renderer);
+        let renderer = Arc::new(Mutex::new(renderer));
+        let textures = Textures { gpu, renderer: renderer.clone() };
+        let show = |ui: &mut Ui, state: &mut State| state.viewer.ui(ui, &mut state.renderer.lock().unwrap());
         let builder = Harness::builder().with_size(size).with_step_dt(step_secs).with_max_steps(1);
-        Headless { harness: builder.build_ui_state(show, State { viewer, renderer }) }
+        Headless { harness: builder.renderer(textures).build_ui_state(show, State { viewer, renderer }) }
     }
 
     /// An untrained avatar at rest.

@@ -157,7 +157,7 @@ fn dropped_files_are_opened() {
     ui.harness.input_mut().hovered_files = vec![file];
     ui.frame(Vec::new());
     ui.harness.input_mut().hovered_files.clear();
-    ui.harness.input_mut().dropped_files = vec![std::sync::Arc::new(Dropped(path.clone()))];
+    ui.harness.input_mut().dropped_files = vec![Arc::new(Dropped(path.clone()))];
     ui.frame(Vec::new());
     ui.frame(Vec::new());
     assert_eq!(ui.viewer().subject_mut().name(), "anna");
