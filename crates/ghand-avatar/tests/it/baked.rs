@@ -85,9 +85,10 @@ fn the_device_agrees_with_its_twin() {
                     let near = |what: &str, found: f64, bound: f64| {
                         assert!(found <= bound, "{precision:?}, Gaussian {p}: {what} off by {found}");
                     };
-                    near("its centre", vector(0).distance(wanted.mean), 2e-6);
+                    // Bounds have half as much again as an NVIDIA H200 needs, whose sums are fused otherwise than lavapipe's.
+                    near("its centre", vector(0).distance(wanted.mean), 4e-6);
                     near("its size", (f64::from(rows[3 * n + p]) - wanted.scale).abs(), 1e-7);
-                    // WGSL's `exp` is exact to 3 + 2|x| units in the last place, which an NVIDIA H200 uses up.
+                    // WGSL's `exp` is exact to 3 + 2|x| units in the last place.
                     near("its colour", vector(if flat { 7 } else { 4 }).distance(wanted.color), 2e-5);
                     if flat {
                         near("its normal", vector(4).distance(wanted.normal), 1e-4);
