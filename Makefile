@@ -38,11 +38,12 @@ test-long: ## Run all tests, with several times as many random cases
 viewer: setup ## Open the viewer on AVATAR=FILE, else on the last trained avatar
 	@$(with_runtime_dir) cargo run --bin viewer -- $(if $(AVATAR),"$(AVATAR)")
 
-check: ## Formatting and lints
+check: ## Formatting, lints, and the libraries' documentation
 	@cargo fmt --all --check
 	@cargo clippy --workspace --all-targets -- -D warnings
 	@cargo clippy -p ghand-app -p ghand-lab --no-default-features --all-targets -- -D warnings
 	@cargo clippy --workspace --all-targets --features gpu-networks -- -D warnings
+	@RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --lib --features gpu-networks
 
 libraries: ## Build the crates for browsers, and pack the splatter for other programs
 	@bash scripts/check_wasm.sh

@@ -1,7 +1,7 @@
 //! Differentiable Gaussian splatting, image losses and mesh rasterising on any wgpu device.
 //!
 //! Every stage is a WGSL file in `shaders/`, a host part of the same name here, and a plain-Rust twin in
-//! [`reference`], or in `ghand-core` if the stage is part of the method itself.
+//! [`mod@reference`], or in `ghand-core` if the stage is part of the method itself.
 
 pub mod bindings;
 pub mod buffers;
