@@ -1,6 +1,6 @@
 //! Pictures of the programs as they were when they were last looked at: [`ghand_test_support::golden`].
 //!
-//! `GHAND_UPDATE_GOLDEN=1 cargo test -p ghand-app --test it golden` makes them anew.
+//! `GHAND_UPDATE_GOLDEN=1 cargo test --workspace --test it golden` makes them anew.
 
 use std::path::Path;
 

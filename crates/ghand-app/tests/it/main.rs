@@ -3,13 +3,13 @@
 
 mod common;
 #[allow(dead_code, reason = "those of the workspace's tests; not all are used here")]
-#[path = "../../../../tests/tests/data_sets/fixtures.rs"]
+#[path = "../../../../tests/tests/it/fixtures.rs"]
 mod fixtures;
 #[allow(dead_code, reason = "as above")]
-#[path = "../../../../tests/tests/data_sets/hand_appearance_files.rs"]
+#[path = "../../../../tests/tests/it/hand_appearance_files.rs"]
 mod hand_appearance_files;
 #[allow(dead_code, reason = "as above")]
-#[path = "../../../../tests/tests/data_sets/interhand_files.rs"]
+#[path = "../../../../tests/tests/it/interhand_files.rs"]
 mod interhand_files;
 
 mod adapter;

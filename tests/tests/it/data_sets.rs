@@ -4,14 +4,11 @@
 
 mod bad_images;
 mod findings;
-mod fixtures;
 mod hand_appearance;
-mod hand_appearance_files;
 mod hostile;
 mod inspection;
 mod interhand;
 mod interhand_annotations;
-mod interhand_files;
 mod interhand_masks;
 mod mano_captures;
 mod usable_images;

@@ -10,7 +10,7 @@ use ghand_test_support::fuzz_corpus::{Content, changed, inputs};
 use ghand_test_support::procedural_hand::ProceduralHand;
 use rand::SeedableRng;
 
-use crate::arrays::read_pose_arrays;
+use super::arrays::read_pose_arrays;
 
 /// Number of changed copies per input: enough that every reader gets a few hundred, few enough to take only a few
 /// seconds.

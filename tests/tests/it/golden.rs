@@ -1,6 +1,6 @@
 //! Pictures as they were when they were last looked at: [`ghand_test_support::golden`].
 //!
-//! `GHAND_UPDATE_GOLDEN=1 cargo test --workspace --test golden` makes them anew.
+//! `GHAND_UPDATE_GOLDEN=1 cargo test --workspace --test it golden` makes them anew.
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use ghand_avatar::framing::turntable;

@@ -8,8 +8,8 @@ use ghand_capture::inspection::{CaptureInspection, Severity};
 use glam::{DMat3, DVec3};
 use image::{GrayImage, ImageBuffer, Luma, Rgb, RgbImage};
 
+use super::inspection::copy;
 use crate::fixtures::{assert_says, synthetic};
-use crate::inspection::copy;
 
 /// The findings of the training split: those that make training pointless, and those that are only odd.
 fn found(capture: &Capture) -> [String; 2] {
@@ -112,7 +112,7 @@ fn packed_png(width: u32, height: u32, palette: Option<[[u8; 3]; 2]>, on: impl F
     }
     let chunk = |name: &[u8], data: &[u8]| {
         let body = [name, data].concat();
-        [&(data.len() as u32).to_be_bytes()[..], &body, &crate::bad_images::crc32(&body).to_be_bytes()].concat()
+        [&(data.len() as u32).to_be_bytes()[..], &body, &super::bad_images::crc32(&body).to_be_bytes()].concat()
     };
     let color = if palette.is_some() { 3 } else { 0 };
     let header = [&width.to_be_bytes()[..], &height.to_be_bytes(), &[1, color, 0, 0, 0]].concat();

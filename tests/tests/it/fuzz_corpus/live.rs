@@ -4,8 +4,8 @@ use ghand_test_support::fuzz_corpus::{Content, changed, inputs};
 use ghand_test_support::procedural_hand::ProceduralHand;
 use rand::SeedableRng;
 
-use crate::arrays::read_live_packets;
-use crate::poses::CHANGES;
+use super::arrays::read_live_packets;
+use super::poses::CHANGES;
 
 #[test]
 fn corpus_packets_and_changed_copies_give_finite_poses_or_an_error() {

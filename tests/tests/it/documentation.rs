@@ -24,7 +24,7 @@ fn with_table(page: &str, table: &str) -> String {
     format!("{before}{begin}{table}{end}{after}")
 }
 
-/// `GHAND_WRITE_DOCS=1 cargo test --workspace --test documentation` writes the page.
+/// `GHAND_WRITE_DOCS=1 cargo test --workspace --test it documentation` writes the page.
 #[test]
 fn the_page_of_settings_is_generated() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/settings.md");

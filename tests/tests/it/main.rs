@@ -1,0 +1,13 @@
+//! Tests that span crates.
+
+mod data_sets;
+mod documentation;
+mod fixtures;
+mod fuzz_corpus;
+mod golden;
+mod hand_appearance_files;
+mod interhand_files;
+mod invariants;
+mod layouts;
+mod shaders;
+mod threads;
