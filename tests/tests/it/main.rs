@@ -1,4 +1,5 @@
 //! Tests that span crates.
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 
 mod data_sets;
 mod documentation;
