@@ -10,7 +10,7 @@ target=wasm32-unknown-unknown
 # Apart from what the other commands build: another compiler may run.
 CARGO_TARGET_DIR=$(realpath -m "${CARGO_TARGET_DIR:-target}/browser")
 export CARGO_TARGET_DIR
-crates=(core files hand-model capture render motion avatar pictures synthetic measure fit)
+crates=(core files hand-model capture render motion avatar pictures synthetic measure fit tracker)
 cargo=(cargo check --target "$target" "${crates[@]/#/--package=ghand-}")
 
 has_target() { [ -d "$(rustc --print target-libdir --target "$target")" ]; }

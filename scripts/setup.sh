@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# Installs what a Debian or Ubuntu machine with Rust lacks to build, train and view: a C compiler (to
-# link, and for the allocator mimalloc), a Vulkan driver and the libraries that the viewer's window loads. Changes nothing
-# where all is there.
+# Installs what a Debian or Ubuntu machine with Rust lacks to build, train and view: a C compiler (to link, and for the
+# allocator mimalloc), a Vulkan driver, the libraries that the viewer's window loads, and ffmpeg for videos. Changes
+# nothing where all is there.
 set -euo pipefail
 
 say() { echo "setup: $*"; }
@@ -72,9 +72,9 @@ if ! has_vulkan_driver; then
 fi
 
 # These the viewer loads when it opens a window; training and `--screenshot` do without.
-window=()
+optional=()
 while read -r library package; do
-    has_library "$library" || window+=("$package")
+    has_library "$library" || optional+=("$package")
 done <<'LIBRARIES'
 libxkbcommon.so.0 libxkbcommon0
 libxkbcommon-x11.so.0 libxkbcommon-x11-0
@@ -84,9 +84,14 @@ libX11-xcb.so.1 libx11-xcb1
 libXcursor.so.1 libxcursor1
 libXi.so.6 libxi6
 LIBRARIES
-[ ${#window[@]} = 0 ] || say "libraries for the viewer's window are missing."
+[ ${#optional[@]} = 0 ] || say "libraries for the viewer's window are missing."
+# This reads and writes videos.
+if ! command -v ffmpeg >/dev/null; then
+    say "ffmpeg is missing."
+    optional+=(ffmpeg)
+fi
 
-packages=("${needed[@]}" "${window[@]}")
+packages=("${needed[@]}" "${optional[@]}")
 if [ ${#packages[@]} = 0 ]; then
     say "nothing to do."
     exit 0
@@ -95,13 +100,13 @@ fi
 # What cannot be installed is an error only if something needs it.
 give_up() {
     [ ${#needed[@]} = 0 ] || fail "$*"
-    say "$* Everything but the viewer's window works without."
+    say "$* Everything but the viewer's window and videos works without."
     exit 0
 }
 
 if ! command -v apt-get >/dev/null; then
     give_up "this is not Debian or Ubuntu; install by hand what these packages hold there: ${packages[*]}" \
-        "(Fedora: gcc mesa-vulkan-drivers vulkan-loader libxkbcommon-x11 libXcursor libXi)."
+        "(Fedora: gcc mesa-vulkan-drivers vulkan-loader libxkbcommon-x11 libXcursor libXi, ffmpeg-free)."
 fi
 as_root=()
 if [ "$(id -u)" != 0 ]; then

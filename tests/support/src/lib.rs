@@ -1,7 +1,7 @@
 //! What tests of several crates share: hands from a few lengths ([`procedural_hand`]), MANO files ([`mano_files`]), the
 //! inputs of the fuzz targets ([`fuzz_corpus`]), a measure of how deep a posed hand is inside itself
-//! ([`self_penetration`]), pictures as they were before ([`golden`]), how many random cases tests try ([`cases`]), and files next to the checkout, in `../shared`,
-//! with the tests that are skipped without them ([`shared`]).
+//! ([`self_penetration`]), pictures as they were before ([`golden`]), how many random cases tests try ([`cases`]), and
+//! what tests are skipped without: files next to the checkout, in `../shared` ([`shared`]), and ffmpeg ([`ffmpeg`]).
 //!
 //! Cargo hides the output of `println!` in passing tests. A skipped test therefore writes its line directly to standard
 //! error, and appends it to the file in `GHAND_SKIPPED_TESTS`, which `make test` summarises at its end.
@@ -15,6 +15,7 @@ pub mod self_penetration;
 use std::fs::OpenOptions;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
 
 /// Prefix of every line about a skipped test.
 pub const PREFIX: &str = "SKIPPED TEST:";
@@ -37,13 +38,29 @@ pub fn shared(name: &str) -> Option<PathBuf> {
     find(&folder, name, std::env::var_os(RECORD).as_deref().map(Path::new))
 }
 
+/// Whether ffmpeg is installed. If not, this function reports the test as skipped, and the calling test must return.
+pub fn ffmpeg() -> bool {
+    let version = Command::new("ffmpeg").arg("-version").stdout(Stdio::null()).stderr(Stdio::null()).status();
+    let installed = version.is_ok_and(|status| status.success());
+    if !installed {
+        skip("ffmpeg", std::env::var_os(RECORD).as_deref().map(Path::new));
+    }
+    installed
+}
+
 fn find(folder: &Path, name: &str, record: Option<&Path>) -> Option<PathBuf> {
     let path = folder.join(name);
     if path.exists() {
         return Some(path);
     }
+    skip(&format!("shared/{name}"), record);
+    None
+}
+
+/// Reports that the running test needs something that is missing.
+fn skip(needs: &str, record: Option<&Path>) {
     let thread = std::thread::current();
-    let line = format!("{PREFIX} {} needs shared/{name}\n", thread.name().unwrap_or("a test"));
+    let line = format!("{PREFIX} {} needs {needs}\n", thread.name().unwrap_or("a test"));
     // If standard error is closed, only this notice is lost.
     let _ = io::stderr().write_all(line.as_bytes());
     if let Some(record) = record
@@ -51,7 +68,6 @@ fn find(folder: &Path, name: &str, record: Option<&Path>) -> Option<PathBuf> {
     {
         panic!("{RECORD}={}: cannot record a skipped test: {error}", record.display());
     }
-    None
 }
 
 /// Appends a line in one write, since several test programs do this at the same time.

@@ -1,0 +1,29 @@
+//! What can go wrong.
+
+/// Errors of the tracker.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum TrackerError {
+    /// A network's file that cannot be used; the text continues "the network ...".
+    #[error("the network {0}")]
+    Network(String),
+    /// Numbers that do not fit a network's input.
+    #[error("the network takes {expected} numbers, not {got}")]
+    Input {
+        /// Numbers that it takes.
+        expected: usize,
+        /// Numbers that were given.
+        got: usize,
+    },
+    /// Bytes that are not a picture of the given size.
+    #[error("a picture of {width} x {height} pixels in RGB has {expected} bytes, not {got}")]
+    Picture {
+        /// Columns.
+        width: u32,
+        /// Rows.
+        height: u32,
+        /// Three bytes for each pixel.
+        expected: u64,
+        /// Bytes that were given.
+        got: usize,
+    },
+}
