@@ -1,0 +1,16 @@
+//! Videos and folders of pictures as frames with times.
+//!
+//! [`Footage::open`] reads what a video says of itself: size, rate, and the time of each frame. [`Footage::frames`] streams
+//! its frames. Videos are read by ffmpeg, which must be installed; pictures need nothing.
+
+mod clock;
+mod error;
+mod footage;
+mod frames;
+mod natural_order;
+mod pictures;
+mod video;
+
+pub use error::FootageError;
+pub use footage::Footage;
+pub use frames::{Frame, Frames};
