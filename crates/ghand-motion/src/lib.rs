@@ -7,6 +7,7 @@
 mod average_hand;
 mod error;
 pub mod ik;
+pub mod image_landmarks;
 pub mod key_frames;
 pub mod live;
 pub mod motions;

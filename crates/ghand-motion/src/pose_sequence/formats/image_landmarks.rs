@@ -15,7 +15,7 @@ use glam::DVec2;
 
 use super::landmarks::MEDIAPIPE_TIP_INSET;
 use crate::ik::LANDMARK_COUNT;
-use crate::pose_sequence::reading::recording::{ImageFrame, ImagePoint};
+use crate::image_landmarks::{ImageFrame, ImagePoint};
 use crate::pose_sequence::reading::source::{frames_of, id_of, shown, side_of};
 use crate::pose_sequence::{Motion, PoseError, Recording, Skipped, Source};
 

@@ -37,7 +37,7 @@ const SIDE_NAMES: [&str; 6] = ["handedness", "handednesses", "multi_handedness",
 /// How far MediaPipe's landmarks of fingertips lie before the end of the finger, metres. On 179 fingers that stand clear
 /// in images of a real hand (two cameras, 64 frames) the outline is 5.7 to 9.4 mm (quartiles by finger) further along
 /// the last bone, a little of which is the outline's blur.
-pub(crate) const MEDIAPIPE_TIP_INSET: f64 = 0.006;
+pub const MEDIAPIPE_TIP_INSET: f64 = 0.006;
 
 pub(crate) fn read(source: &Source, value: &Value) -> Option<Result<Recording, PoseError>> {
     let found = find(value, &NAMES);

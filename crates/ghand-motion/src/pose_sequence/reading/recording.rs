@@ -1,10 +1,11 @@
 //! The result of a reader, before it is converted to a hand model.
 
 use ghand_core::Side;
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 
 use super::file_skeleton::FileSkeleton;
 use crate::ik::LANDMARK_COUNT;
+use crate::image_landmarks::ImageFrame;
 use crate::pose_sequence::{PoseFrame, Skipped};
 
 /// The content of a file.
@@ -88,22 +89,4 @@ pub(crate) struct LandmarkFrame {
     pub id: String,
     /// Positions, metres.
     pub points: [DVec3; LANDMARK_COUNT],
-}
-
-/// One moment, seen by several cameras.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct ImageFrame {
-    /// Id of the frame.
-    pub id: String,
-    /// The landmarks that each camera, by its id, saw.
-    pub cameras: Vec<(String, [Option<ImagePoint>; LANDMARK_COUNT])>,
-}
-
-/// A landmark in an image.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct ImagePoint {
-    /// Pixels, or fractions of the image's width and height.
-    pub at: DVec2,
-    /// How sure the tracker is, from 0 to 1.
-    pub score: f64,
 }

@@ -1,13 +1,15 @@
 //! Poses and a person's shape from landmarks.
 
+use ghand_capture::cameras::list::LensCamera;
 use ghand_core::{Camera, HandModel, Pose, Side};
 use glam::DVec2;
 
-use super::landmark_report::{KeptFrame, LandmarkFit, report};
+use super::landmark_report::{KeptFrame, LandmarkFit, SightingDistance, report};
 use crate::ik::person::proportions::Proportions;
 use crate::ik::person::sightings::{SeenFrame, Sighting, SightingPosition, WRONG};
 use crate::ik::person::{fit_person, refitted};
-use crate::pose_sequence::reading::recording::{ImageFrame, LandmarkFrame};
+use crate::image_landmarks::ImageFrame;
+use crate::pose_sequence::reading::recording::LandmarkFrame;
 use crate::pose_sequence::{PoseError, PoseFrame, PoseOptions, Skipped, Source, side_name};
 use crate::retarget::mirrored_point;
 
@@ -50,8 +52,7 @@ pub(crate) fn from_images(
     options: &PoseOptions,
     warnings: &mut Vec<String>,
 ) -> Result<(Vec<PoseFrame>, LandmarkFit), PoseError> {
-    let ids: Vec<&str> = options.cameras.iter().map(|lens| lens.camera.id.as_str()).collect();
-    if ids.is_empty() {
+    if options.cameras.is_empty() {
         let problem = "are pixels, which need their cameras; give --cameras capture.json, or a file of cameras like it";
         return Err(source.invalid("image_landmarks", problem.into()));
     }
@@ -63,21 +64,39 @@ pub(crate) fn from_images(
         );
         return Err(source.invalid("image_landmarks", problem));
     }
-    let points = || frames.iter().flat_map(|frame| &frame.cameras).flat_map(|(_, points)| points.iter().flatten());
-    let is_fraction = points().all(|point| point.at.abs().max_element() <= LARGEST_FRACTION);
+    let seen = seen_by_cameras(source.origin, frames, &options.cameras)?;
+    let cameras: Vec<Camera> = options.cameras.iter().map(|lens| lens.camera.clone()).collect();
+    fitted(source, &seen, &cameras, tip_inset, model, warnings)
+}
+
+/// What cameras saw, in pixels without distortion. `origin` is the file's name, for messages.
+pub(crate) fn seen_by_cameras(
+    origin: &str,
+    frames: &[ImageFrame],
+    cameras: &[LensCamera],
+) -> Result<Vec<SeenFrame>, PoseError> {
+    // Cameras may have been tracked by different programs.
+    let is_fraction: Vec<bool> = cameras
+        .iter()
+        .map(|lens| {
+            let views = frames.iter().flat_map(|frame| &frame.cameras).filter(|(id, _)| *id == lens.camera.id);
+            let mut points = views.flat_map(|(_, points)| points.iter().flatten());
+            points.all(|point| point.at.abs().max_element() <= LARGEST_FRACTION)
+        })
+        .collect();
     let mut seen = vec![];
     for frame in frames {
         let mut sightings = vec![];
         for (id, points) in &frame.cameras {
-            let Some(camera) = ids.iter().position(|known| known == id) else {
+            let Some((camera, lens)) = cameras.iter().enumerate().find(|(_, lens)| lens.camera.id == *id) else {
+                let ids: Vec<&str> = cameras.iter().map(|lens| lens.camera.id.as_str()).collect();
+                let problem = format!("has the camera {id:?}, which the cameras lack; they are {}", ids.join(", "));
                 let field = format!("frames[{:?}].image_landmarks", frame.id);
-                let problem = format!("has the camera {id:?}, which --cameras lacks; it has {}", ids.join(", "));
-                return Err(source.invalid(&field, problem));
+                return Err(PoseError::Invalid { origin: origin.into(), field, problem });
             };
-            let lens = &options.cameras[camera];
             let size = DVec2::new(f64::from(lens.camera.width), f64::from(lens.camera.height));
             for (landmark, point) in points.iter().enumerate().filter_map(|(k, point)| Some((k, (*point)?))) {
-                let pixel = if is_fraction { point.at * size } else { point.at };
+                let pixel = if is_fraction[camera] { point.at * size } else { point.at };
                 if let Some(pixel) = lens.undistorted(pixel) {
                     let place = SightingPosition::Pixel(camera, pixel);
                     sightings.push(Sighting { landmark, confidence: point.score, place });
@@ -86,8 +105,72 @@ pub(crate) fn from_images(
         }
         seen.push(SeenFrame { id: frame.id.clone(), sightings });
     }
-    let cameras: Vec<Camera> = options.cameras.iter().map(|lens| lens.camera.clone()).collect();
-    fitted(source, &seen, &cameras, tip_inset, model, warnings)
+    Ok(seen)
+}
+
+/// A hand that was fitted to all frames.
+pub(crate) struct SeenHand {
+    /// The pose of each frame; `None` if its landmarks are too few or not a hand, which the report says.
+    pub poses: Vec<Option<Pose>>,
+    /// Shape parameters of the model; empty if none is determined.
+    pub shape: Vec<f64>,
+    /// Noise of a coordinate, metres.
+    pub noise: f64,
+    /// Of each frame, how far each sighting is from the hand.
+    pub distances: Vec<Vec<SightingDistance>>,
+    pub report: LandmarkFit,
+}
+
+/// Fits one hand to all frames.
+pub(crate) fn fit(
+    seen: &[SeenFrame],
+    cameras: &[Camera],
+    tip_inset: f64,
+    model: &HandModel,
+) -> Result<SeenHand, PoseError> {
+    let (numbers, enough): (Vec<usize>, Vec<SeenFrame>) = seen
+        .iter()
+        .enumerate()
+        .filter(|(_, frame)| frame.sightings.len() >= LEAST_SIGHTINGS)
+        .map(|(number, frame)| (number, frame.clone()))
+        .unzip();
+    let few = seen.iter().filter(|frame| frame.sightings.len() < LEAST_SIGHTINGS);
+    let mut rejected: Vec<(String, String)> = few
+        .map(|frame| {
+            let count = frame.sightings.len();
+            (frame.id.clone(), format!("has {count} landmarks, at least {LEAST_SIGHTINGS} are needed"))
+        })
+        .collect();
+    let proportions = Proportions::new(model, tip_inset)?;
+    let fit = fit_person(&proportions, &enough, cameras);
+    // A model with the person's shape is put where the landmarks are, whatever its bones lack. Of one without shapes, the
+    // bones' directions are right.
+    let found: Vec<Option<Pose>> = if proportions.has_shape() {
+        refitted(&proportions, &fit, &enough, cameras)
+    } else {
+        fit.frames.iter().map(|frame| Some(frame.as_ref()?.pose.clone())).collect()
+    };
+    let mut kept = vec![];
+    let mut poses = vec![None; seen.len()];
+    let mut distances = vec![vec![]; seen.len()];
+    for (((number, frame), found), pose) in numbers.into_iter().zip(&enough).zip(&fit.frames).zip(found) {
+        let (Some(found), Some(pose)) = (found, pose) else {
+            rejected
+                .push((frame.id.clone(), "its landmarks are not a hand: they are at one point or on a line".into()));
+            continue;
+        };
+        let kept_frame = KeptFrame::new(frame, found, cameras, (WRONG * fit.noise).max(LEAST_WRONG));
+        distances[number] = kept_frame.distances().collect();
+        if (kept_frame.wrong_count() as f64) > (1.0 - LEAST_RIGHT) * found.distances.len() as f64 {
+            rejected.push((frame.id.clone(), kept_frame.cause()));
+            continue;
+        }
+        kept.push(kept_frame);
+        poses[number] = Some(pose);
+    }
+    let shape = proportions.shape(&fit.parameters);
+    let report = report(model, &proportions, &fit, &kept, cameras, rejected);
+    Ok(SeenHand { poses, shape, noise: fit.noise, distances, report })
 }
 
 fn fitted(
@@ -98,43 +181,13 @@ fn fitted(
     model: &HandModel,
     warnings: &mut Vec<String>,
 ) -> Result<(Vec<PoseFrame>, LandmarkFit), PoseError> {
+    let SeenHand { poses, shape, report, .. } = fit(seen, cameras, tip_inset, model)?;
     let mut skipped = Skipped::default();
-    let mut rejected = vec![];
-    let mut reject = |id: &str, problem: String| {
-        skipped.add(id, problem.clone());
-        rejected.push((id.to_owned(), problem));
+    report.rejected.iter().for_each(|(id, problem)| skipped.add(id, problem.clone()));
+    let frame = |(frame, pose): (&SeenFrame, Option<Pose>)| {
+        Some(PoseFrame { id: frame.id.clone(), pose: pose?, shape: shape.clone() })
     };
-    let (seen, few): (Vec<SeenFrame>, Vec<SeenFrame>) =
-        seen.iter().cloned().partition(|frame| frame.sightings.len() >= LEAST_SIGHTINGS);
-    for frame in &few {
-        let count = frame.sightings.len();
-        reject(&frame.id, format!("has {count} landmarks, at least {LEAST_SIGHTINGS} are needed"));
-    }
-    let proportions = Proportions::new(model, tip_inset)?;
-    let fit = fit_person(&proportions, &seen, cameras);
-    let shape = proportions.shape(&fit.parameters);
-    // A model with the person's shape is put where the landmarks are, whatever its bones lack. Of one without shapes, the
-    // bones' directions are right.
-    let poses: Vec<Option<Pose>> = if proportions.has_shape() {
-        refitted(&proportions, &fit, &seen, cameras)
-    } else {
-        fit.frames.iter().map(|frame| Some(frame.as_ref()?.pose.clone())).collect()
-    };
-    let mut kept = vec![];
-    let mut frames = vec![];
-    for ((frame, found), pose) in seen.iter().zip(&fit.frames).zip(poses) {
-        let (Some(found), Some(pose)) = (found, pose) else {
-            reject(&frame.id, "its landmarks are not a hand: they are at one point or on a line".into());
-            continue;
-        };
-        let kept_frame = KeptFrame::new(frame, found, cameras, (WRONG * fit.noise).max(LEAST_WRONG));
-        if (kept_frame.wrong_count() as f64) > (1.0 - LEAST_RIGHT) * found.distances.len() as f64 {
-            reject(&frame.id, kept_frame.cause());
-            continue;
-        }
-        kept.push(kept_frame);
-        frames.push(PoseFrame { id: frame.id.clone(), pose, shape: shape.clone() });
-    }
+    let frames: Vec<PoseFrame> = seen.iter().zip(poses).filter_map(frame).collect();
     warnings.extend(skipped.finish(source, frames.len())?);
-    Ok((frames, report(model, &proportions, &fit, &kept, cameras, rejected)))
+    Ok((frames, report))
 }

@@ -97,6 +97,19 @@ pub struct FrameResidual {
     pub wrong: Vec<String>,
 }
 
+/// How far one landmark, seen once, is from the fitted hand.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SightingDistance {
+    /// Number of the landmark.
+    pub landmark: usize,
+    /// Number of the camera; `None` for a landmark in space.
+    pub camera: Option<usize>,
+    /// Pixels of the image without distortion, or millimetres of a landmark in space.
+    pub distance: f64,
+    /// Whether it is so far off that it hardly counts.
+    pub is_wrong: bool,
+}
+
 /// A frame with its hand.
 pub(crate) struct KeptFrame<'a> {
     seen: &'a SeenFrame,
@@ -111,8 +124,8 @@ impl<'a> KeptFrame<'a> {
         KeptFrame { seen, found, cameras, limit }
     }
 
-    /// Landmark, camera, distance in the report's unit, and whether it is wrong.
-    fn distances(&self) -> impl Iterator<Item = (usize, Option<usize>, f64, bool)> {
+    /// In the report's unit.
+    pub fn distances(&self) -> impl Iterator<Item = SightingDistance> {
         self.seen.sightings.iter().zip(&self.found.distances).map(|(sighting, metres)| {
             let (camera, distance) = match sighting.place {
                 SightingPosition::Point(_) => (None, metres * 1000.0),
@@ -120,12 +133,12 @@ impl<'a> KeptFrame<'a> {
                     (Some(camera), metres / self.found.scales.get(camera).unwrap_or(&f64::NAN))
                 }
             };
-            (sighting.landmark, camera, distance, *metres > self.limit)
+            SightingDistance { landmark: sighting.landmark, camera, distance, is_wrong: *metres > self.limit }
         })
     }
 
     pub fn wrong_count(&self) -> usize {
-        self.distances().filter(|(.., wrong)| *wrong).count()
+        self.distances().filter(|sighting| sighting.is_wrong).count()
     }
 
     /// Why the frame has no pose.
@@ -137,8 +150,8 @@ impl<'a> KeptFrame<'a> {
         let of_camera = |number: Option<usize>| {
             let (count, wrong) = self
                 .distances()
-                .filter(|(_, camera, ..)| *camera == number)
-                .fold((0, 0), |(count, wrong), (.., is_wrong)| (count + 1, wrong + usize::from(is_wrong)));
+                .filter(|sighting| sighting.camera == number)
+                .fold((0, 0), |(count, wrong), sighting| (count + 1, wrong + usize::from(sighting.is_wrong)));
             let of = number.and_then(|k| self.cameras.get(k)).map_or("the".into(), |camera| format!("{}'s", camera.id));
             (wrong > 0).then(|| format!("{wrong} of {of} {count} landmarks"))
         };
@@ -148,16 +161,16 @@ impl<'a> KeptFrame<'a> {
     }
 
     fn residual(&self) -> FrameResidual {
-        let wrong = self.distances().filter(|(.., wrong)| *wrong).map(|(landmark, camera, ..)| {
-            let name = LANDMARK_NAMES[landmark];
-            let camera = camera.and_then(|k| self.cameras.get(k));
+        let wrong = self.distances().filter(|sighting| sighting.is_wrong).map(|sighting| {
+            let name = LANDMARK_NAMES[sighting.landmark];
+            let camera = sighting.camera.and_then(|k| self.cameras.get(k));
             camera.map_or(name.to_owned(), |camera| format!("{name} in {}", camera.id))
         });
         FrameResidual {
             id: self.seen.id.clone(),
             wrong: wrong.collect(),
             // A kept frame has landmarks.
-            distances: summary(self.distances().map(|(_, _, d, wrong)| (d, wrong))).unwrap_or(Distances::NONE),
+            distances: summary(self.distances()).unwrap_or(Distances::NONE),
         }
     }
 }
@@ -170,13 +183,13 @@ impl Distances {
     }
 }
 
-fn summary(distances: impl Iterator<Item = (f64, bool)>) -> Option<Distances> {
-    let all: Vec<(f64, bool)> = distances.collect();
-    let mut values: Vec<f64> = all.iter().map(|(distance, _)| *distance).collect();
+fn summary(distances: impl Iterator<Item = SightingDistance>) -> Option<Distances> {
+    let all: Vec<SightingDistance> = distances.collect();
+    let mut values: Vec<f64> = all.iter().map(|sighting| sighting.distance).collect();
     values.sort_by(f64::total_cmp);
     let at =
         |part: f64| values.get(((values.len() as f64 * part) as usize).min(values.len().saturating_sub(1))).copied();
-    let wrong = all.iter().filter(|(_, wrong)| *wrong).count();
+    let wrong = all.iter().filter(|sighting| sighting.is_wrong).count();
     Some(Distances { median: at(0.5)?, ninth: at(0.9)?, count: values.len(), wrong })
 }
 
@@ -189,18 +202,18 @@ pub(crate) fn report(
     cameras: &[Camera],
     rejected: Vec<(String, String)>,
 ) -> LandmarkFit {
-    let all: Vec<(usize, Option<usize>, f64, bool)> = kept.iter().flat_map(KeptFrame::distances).collect();
+    let all: Vec<SightingDistance> = kept.iter().flat_map(KeptFrame::distances).collect();
     let [own, shaped, person] =
         [vec![0.0; proportions.count()], proportions.without_bones(&fit.parameters), fit.parameters.clone()]
             .map(|parameters| proportions.hand(&parameters));
     let [model_lengths, shaped_lengths, lengths] = [&own, &shaped, &person].map(Proportions::lengths);
     let landmark = |k: usize| {
         let bone = BONES.iter().position(|(_, to)| *to == k).map_or(1.0, |bone| lengths[bone] / shaped_lengths[bone]);
-        let distances = all.iter().filter(|(landmark, ..)| *landmark == k).map(|(_, _, d, wrong)| (*d, *wrong));
+        let distances = all.iter().filter(|sighting| sighting.landmark == k).copied();
         LandmarkResidual { name: LANDMARK_NAMES[k], distances: summary(distances), bone }
     };
     let camera = |(number, camera): (usize, &Camera)| {
-        let distances = all.iter().filter(|(_, of, ..)| *of == Some(number)).map(|(_, _, d, wrong)| (*d, *wrong));
+        let distances = all.iter().filter(|sighting| sighting.camera == Some(number)).copied();
         Some((camera.id.clone(), summary(distances)?))
     };
     let shape = proportions.shape(&fit.parameters);

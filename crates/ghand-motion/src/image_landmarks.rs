@@ -1,0 +1,80 @@
+//! Landmarks of a hand in images of calibrated cameras, and the hand that fits them.
+//!
+//! [`fit_hand`] fits one hand, with one shape and one set of bone lengths, and its pose at every moment: what
+//! [`crate::read_poses`] does with a file of such landmarks.
+
+use ghand_capture::cameras::list::LensCamera;
+use ghand_core::{Camera, HandModel, Pose};
+use glam::DVec2;
+
+use crate::PoseError;
+pub use crate::ik::LANDMARK_COUNT;
+pub use crate::pose_sequence::LandmarkFit;
+pub use crate::pose_sequence::formats::landmarks::MEDIAPIPE_TIP_INSET;
+use crate::pose_sequence::transfer::landmark_fit::{SeenHand, fit, seen_by_cameras};
+pub use crate::pose_sequence::transfer::landmark_report::SightingDistance;
+
+/// One moment, seen by some cameras.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ImageFrame {
+    /// Id of the frame.
+    pub id: String,
+    /// The landmarks that each camera, by its id, saw, in the order of MediaPipe: the wrist, then four from the palm to
+    /// the tip of each finger, thumb first.
+    pub cameras: Vec<(String, [Option<ImagePoint>; LANDMARK_COUNT])>,
+}
+
+/// A landmark in an image.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ImagePoint {
+    /// Pixels of the image as filmed, the middle of the first one at (0.5, 0.5); or, in all frames of a camera, fractions of
+    /// the image's width and height.
+    pub at: DVec2,
+    /// How sure the tracker is, from 0 to 1: the weight of the point.
+    pub score: f64,
+}
+
+/// A hand that was fitted to the landmarks of all frames.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FittedHand {
+    /// The frames, in order.
+    pub frames: Vec<FittedImageFrame>,
+    /// Shape parameters of the model; empty if it has none that change lengths.
+    pub shape: Vec<f64>,
+    /// Noise of a coordinate of a landmark, metres at the hand.
+    pub noise: f64,
+    /// How well it fits, by landmark, camera and frame; `rejected` says why frames have no pose.
+    pub report: LandmarkFit,
+}
+
+/// One moment of a fitted hand.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FittedImageFrame {
+    /// The pose, one rotation for each joint of the model, in the world of the cameras, metres; `None` if there are fewer
+    /// than 8 landmarks, or more than 40 % of them contradict the hand of the other frames.
+    pub pose: Option<Pose>,
+    /// How far each landmark is from the hand, pixels; `camera` is its number in the list of cameras. Empty without a hand.
+    pub residuals: Vec<SightingDistance>,
+}
+
+/// Fits a hand to landmarks in images. `model` must be of the side that was filmed. Landmarks of fingertips lie `tip_inset`
+/// metres before the ends of the fingers: [`MEDIAPIPE_TIP_INSET`], or 0 for the skin.
+///
+/// With one camera, the size of the hand and its distance come from the model's mean size.
+///
+/// # Errors
+/// [`PoseError`] if a frame has a camera that `cameras` lack, or the names of the model's joints do not identify their
+/// parts.
+pub fn fit_hand(
+    frames: &[ImageFrame],
+    cameras: &[LensCamera],
+    model: &HandModel,
+    tip_inset: f64,
+) -> Result<FittedHand, PoseError> {
+    let seen = seen_by_cameras("landmarks", frames, cameras)?;
+    let pinholes: Vec<Camera> = cameras.iter().map(|lens| lens.camera.clone()).collect();
+    let SeenHand { poses, shape, noise, distances, report } = fit(&seen, &pinholes, tip_inset, model)?;
+    let frames = poses.into_iter().zip(distances);
+    let frames = frames.map(|(pose, residuals)| FittedImageFrame { pose, residuals }).collect();
+    Ok(FittedHand { frames, shape, noise, report })
+}
