@@ -20,7 +20,7 @@ const LARGEST_FILE: u64 = 1 << 20;
 
 /// Distortion that leaves less than this fraction of the undistorted image with a source is probably a mistake: strong
 /// lenses that the model describes have more than 0.7.
-const LEAST_SEEN: f64 = 0.5;
+pub(super) const LEAST_SEEN: f64 = 0.5;
 
 #[derive(Serialize, Deserialize)]
 pub(crate) struct CameraFile {

@@ -5,9 +5,12 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use ghand_core::Camera;
+use ghand_files::input_file;
 use glam::DVec2;
+use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
 
+use super::calibration_files::read_calibration;
 use super::distortion::Distortion;
 use super::file::{CameraFile, principal_shift};
 use crate::capture::{Capture, CaptureError};
@@ -56,12 +59,37 @@ struct CameraList {
     colors: BTreeMap<String, ColorMap>,
 }
 
-/// Reads the cameras of a `capture.json`, of the folder that holds it, or of any JSON file with such `cameras`.
+/// Reads the cameras of a `capture.json`, of the folder that holds it, of any JSON file with such `cameras`, or of a
+/// calibration that another tool wrote ([`read_calibration`]), if it has sizes, places and the unit of lengths.
 ///
 /// # Errors
-/// [`CaptureError`] names the file, the field and its problem.
+/// [`CaptureError`] names the file, the field and its problem, or what a calibration lacks.
 pub fn read_cameras(path: &Path) -> Result<Vec<LensCamera>, CaptureError> {
+    if is_of_another_tool(path) { read_calibration(path)?.lens_cameras() } else { read_own_cameras(path) }
+}
+
+/// Reads cameras in ghand's own format.
+pub(crate) fn read_own_cameras(path: &Path) -> Result<Vec<LensCamera>, CaptureError> {
     Ok(read(path)?.0)
+}
+
+/// Whether a file or folder exists that is not ghand's own.
+fn is_of_another_tool(path: &Path) -> bool {
+    #[derive(Deserialize)]
+    struct Kind {
+        cameras: Option<IgnoredAny>,
+        /// glTF has cameras, too.
+        asset: Option<IgnoredAny>,
+    }
+    if path.is_dir() {
+        return !path.join(CAPTURE_FILE).exists();
+    }
+    let Ok(Some(bytes)) = input_file::read(path, LARGEST_FILE) else { return false };
+    match serde_json::from_slice::<Kind>(&bytes) {
+        Ok(kind) => kind.cameras.is_none() || kind.asset.is_some(),
+        // Broken JSON is probably ghand's.
+        Err(_) => bytes.trim_ascii_start().first() != Some(&b'{'),
+    }
 }
 
 /// The cameras of a file, and the corrections of their colours.

@@ -21,7 +21,12 @@ pub(crate) fn read_text(
             validator
                 .invalid("file", format!("is larger than {} MiB; split it, or keep only what is needed", most >> 20))
         })?;
-    let wrong = |what: &str| validator.invalid("file", format!("is {what}; save it as UTF-8"));
+    text_of(path, bytes)
+}
+
+/// The text of a file's bytes.
+pub(crate) fn text_of(path: &Path, bytes: Vec<u8>) -> Result<String, CaptureError> {
+    let wrong = |what: &str| FileValidator { path }.invalid("file", format!("is {what}; save it as UTF-8"));
     // Some editors write a byte order mark, which JSON does not allow.
     let bytes = match bytes.as_slice() {
         [0xEF, 0xBB, 0xBF, text @ ..] => text.to_vec(),

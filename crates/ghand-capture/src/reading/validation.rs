@@ -101,7 +101,7 @@ impl FileValidator<'_> {
     }
 
     /// The rotation nearest to a matrix that is a rotation up to rounding.
-    fn rotation(&self, field: String, matrix: DMat3) -> Result<DMat3, CaptureError> {
+    pub fn rotation(&self, field: String, matrix: DMat3) -> Result<DMat3, CaptureError> {
         let entries = (matrix * matrix.transpose() - DMat3::IDENTITY).to_cols_array();
         let error =
             entries.iter().fold(0.0, |worst: f64, e| if worst >= e.abs() || worst.is_nan() { worst } else { e.abs() });
