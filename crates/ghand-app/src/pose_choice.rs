@@ -38,7 +38,8 @@ pub struct PoseReadingArgs {
     /// Keep the hand in its rest position: only the fingers move
     #[arg(long)]
     in_place: bool,
-    /// The cameras of landmarks in images: a capture.json, its folder, or a JSON file with such cameras
+    /// The cameras of landmarks in images: a capture.json, its folder, a JSON file with such cameras, or a complete
+    /// calibration of another tool
     #[arg(long, value_name = "FILE")]
     cameras: Option<PathBuf>,
     /// Frames per second of a file's frames, if it does not say or is wrong
