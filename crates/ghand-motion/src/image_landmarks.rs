@@ -5,10 +5,12 @@
 
 use ghand_capture::cameras::list::LensCamera;
 use ghand_core::{Camera, HandModel, Pose};
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 
 use crate::PoseError;
 pub use crate::ik::LANDMARK_COUNT;
+use crate::ik::person::camera_freedom::CameraFreedom;
+use crate::ik::person::sightings::{Sighting, SightingPosition};
 pub use crate::pose_sequence::LandmarkFit;
 pub use crate::pose_sequence::formats::landmarks::MEDIAPIPE_TIP_INSET;
 use crate::pose_sequence::transfer::landmark_fit::{SeenHand, fit, seen_by_cameras};
@@ -45,6 +47,21 @@ pub struct FittedHand {
     pub noise: f64,
     /// How well it fits, by landmark, camera and frame; `rejected` says why frames have no pose.
     pub report: LandmarkFit,
+    /// The cameras, without distortion, as given or fitted.
+    pub cameras: Vec<Camera>,
+}
+
+/// What is known beside the landmarks, or not known.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct FitOptions<'a> {
+    /// Where a tracker guesses the landmarks of each frame in space: metres, world, at the hand's place; empty without any.
+    /// Where one camera sees the hand, they tell how deep fingers lie.
+    pub guesses: &'a [Option<[DVec3; LANDMARK_COUNT]>],
+    /// The likeliest focal length of each camera, pixels, if cameras are to be fitted, too: where they are relative to the
+    /// first one, and their focal lengths. They start from what is given. Only proportions of lengths are told then.
+    pub usual_focals: Option<&'a [f64]>,
+    /// Whether focal lengths stay as given then.
+    pub focals_are_known: bool,
 }
 
 /// One moment of a fitted hand.
@@ -71,10 +88,36 @@ pub fn fit_hand(
     model: &HandModel,
     tip_inset: f64,
 ) -> Result<FittedHand, PoseError> {
-    let seen = seen_by_cameras("landmarks", frames, cameras)?;
+    fit_hand_with(frames, cameras, model, tip_inset, &FitOptions::default())
+}
+
+/// As [`fit_hand`], with more that is known, or less.
+///
+/// # Errors
+/// As there.
+pub fn fit_hand_with(
+    frames: &[ImageFrame],
+    cameras: &[LensCamera],
+    model: &HandModel,
+    tip_inset: f64,
+    options: &FitOptions,
+) -> Result<FittedHand, PoseError> {
+    let mut seen = seen_by_cameras("landmarks", frames, cameras)?;
+    for (frame, guess) in seen.iter_mut().zip(options.guesses) {
+        let guessed = |(landmark, at): (usize, &DVec3)| Sighting {
+            landmark,
+            confidence: 1.0,
+            place: SightingPosition::Guess(*at),
+        };
+        frame.sightings.extend(guess.iter().flatten().enumerate().map(guessed));
+    }
     let pinholes: Vec<Camera> = cameras.iter().map(|lens| lens.camera.clone()).collect();
-    let SeenHand { poses, shape, noise, distances, report } = fit(&seen, &pinholes, tip_inset, model)?;
+    let freedom = options
+        .usual_focals
+        .map(|focals| CameraFreedom { usual_focals: focals.to_vec(), focals_are_known: options.focals_are_known });
+    let SeenHand { poses, shape, noise, distances, report, cameras } =
+        fit(&seen, &pinholes, freedom.as_ref(), tip_inset, model)?;
     let frames = poses.into_iter().zip(distances);
     let frames = frames.map(|(pose, residuals)| FittedImageFrame { pose, residuals }).collect();
-    Ok(FittedHand { frames, shape, noise, report })
+    Ok(FittedHand { frames, shape, noise, report, cameras })
 }

@@ -10,6 +10,7 @@
 //!
 //! Errors in pixels count in metres at the hand, since a tracker's errors grow with the hand in the image.
 
+pub(crate) mod camera_freedom;
 mod frame;
 pub(crate) mod proportions;
 pub(crate) mod sightings;
@@ -19,17 +20,19 @@ use ghand_core::{Camera, Pose};
 use glam::DVec3;
 use nalgebra::{DMatrix, DVector};
 
+use self::camera_freedom::{CameraFreedom, NUMBERS as CAMERA_NUMBERS};
 use self::frame::FrameFit;
 use self::proportions::Proportions;
-use self::sightings::SeenFrame;
+use self::sightings::{SeenFrame, SightingPosition};
 use self::start::{first_pose, scales_of, with_fingers_retried};
 use super::levenberg_marquardt::equations;
 use super::{BONES, COLD_STEPS, HandIk, LANDMARK_COUNT, UNKNOWNS, WARM_STEPS, median};
 
 /// Most frames that lengths are fitted to: more of a motion tell nothing new, and take long.
 const MOST_FRAMES: usize = 150;
-/// Rounds of the fit; most are done after ten.
+/// Rounds of the fit; most are done after ten. Cameras take longer.
 const ROUNDS: usize = 25;
+const CAMERA_ROUNDS: usize = 100;
 /// Rounds after which fingers that have gone astray are tried again.
 const RETRY_EVERY: usize = 5;
 /// Lengths that change by less than this part of their deviation have arrived.
@@ -67,6 +70,8 @@ pub(crate) struct PersonFit {
     pub noise: f64,
     /// One for each frame; `None` if its landmarks are not a hand.
     pub frames: Vec<Option<FittedFrame>>,
+    /// The cameras, as given or fitted.
+    pub cameras: Vec<Camera>,
 }
 
 /// A fitted frame.
@@ -109,7 +114,19 @@ impl<'a> Frame<'a> {
 }
 
 /// Fits a person's hand. `cameras` are those that pixels were seen by.
+#[cfg(test)]
 pub(crate) fn fit_person(proportions: &Proportions, seen: &[SeenFrame], cameras: &[Camera]) -> PersonFit {
+    fit_person_and_cameras(proportions, seen, cameras, None)
+}
+
+/// Fits a person's hand, and the cameras if they are free.
+pub(crate) fn fit_person_and_cameras(
+    proportions: &Proportions,
+    seen: &[SeenFrame],
+    cameras: &[Camera],
+    freedom: Option<&CameraFreedom>,
+) -> PersonFit {
+    let mut cameras = cameras.to_vec();
     let mut parameters = from_medians(proportions, seen);
     let mut hand = proportions.hand(&parameters);
     let mut noise = FIRST_NOISE;
@@ -119,7 +136,7 @@ pub(crate) fn fit_person(proportions: &Proportions, seen: &[SeenFrame], cameras:
     let mut before: Option<usize> = None;
     for &k in &chosen {
         let last = before.and_then(|k| frames[k].as_ref());
-        frames[k] = Frame::start(&seen[k], &hand, cameras, noise, last);
+        frames[k] = Frame::start(&seen[k], &hand, &cameras, noise, last);
         if frames[k].is_some() {
             before = Some(k);
         }
@@ -127,21 +144,24 @@ pub(crate) fn fit_person(proportions: &Proportions, seen: &[SeenFrame], cameras:
     let mut some: Vec<Frame> = chosen.iter().filter_map(|k| frames[*k].clone()).collect();
     if !some.is_empty() {
         let mut damping = 0.0;
-        for round in 1..=ROUNDS {
+        let rounds = if freedom.is_some() { CAMERA_ROUNDS } else { ROUNDS };
+        for round in 1..=rounds {
             if round % RETRY_EVERY == 0 {
                 for frame in &mut some {
-                    frame.x = with_fingers_retried(&frame.fit(&hand, cameras, noise), frame.x);
+                    frame.x = with_fingers_retried(&frame.fit(&hand, &cameras, noise), frame.x);
                 }
             }
             let (change, noise_change);
-            (parameters, change, damping) = lengths_step(proportions, &parameters, &mut some, cameras, noise, damping);
+            let shared = Shared { parameters, cameras, freedom };
+            (Shared { parameters, cameras, .. }, change, damping) =
+                lengths_step(proportions, shared, &mut some, noise, damping);
             hand = proportions.hand(&parameters);
-            let measured = measured_noise(proportions, &hand, &some, cameras, noise);
+            let measured = measured_noise(proportions, &hand, &some, &cameras, noise);
             let next = measured.max(noise * NOISE_FALL);
             noise_change = (next / noise - 1.0).abs();
             noise = next;
             for frame in &mut some {
-                frame.scales = scales_of(&hand, &frame.x, cameras);
+                frame.scales = scales_of(&hand, &frame.x, &cameras);
             }
             if change < SMALL_CHANGE && noise_change < SMALL_NOISE_CHANGE {
                 break;
@@ -156,8 +176,8 @@ pub(crate) fn fit_person(proportions: &Proportions, seen: &[SeenFrame], cameras:
             frames[k] = some.next();
         }
     }
-    let frames = finished(&hand, frames, seen, cameras, noise);
-    PersonFit { parameters, noise, frames }
+    let frames = finished(&hand, frames, seen, &cameras, noise);
+    PersonFit { parameters, noise, frames, cameras }
 }
 
 /// Poses of the model in the person's shape, without the bones' own lengths, near those of a fit. Landmarks at which the
@@ -294,30 +314,57 @@ fn prior_cost(proportions: &Proportions, parameters: &[f64]) -> f64 {
     parameters.iter().enumerate().map(|(k, value)| proportions.prior(k, *value).0).sum()
 }
 
-/// One step of the parameters and of all poses: the parameters, their largest change in deviations, and the damping that
+/// What all frames share.
+struct Shared<'a> {
+    /// Of [`Proportions`].
+    parameters: Vec<f64>,
+    cameras: Vec<Camera>,
+    /// What is known of the cameras, if they are unknowns.
+    freedom: Option<&'a CameraFreedom>,
+}
+
+impl Shared<'_> {
+    fn prior_cost(&self, proportions: &Proportions) -> f64 {
+        prior_cost(proportions, &self.parameters)
+            + self.freedom.map_or(0.0, |freedom| freedom.prior_cost(&self.cameras))
+    }
+
+    fn moved(&self, step: &DVector<f64>) -> Self {
+        let (lengths, cameras) = step.as_slice().split_at(self.parameters.len());
+        let parameters = self.parameters.iter().zip(lengths).map(|(value, step)| value + step).collect();
+        let cameras = match self.freedom {
+            Some(_) => CameraFreedom::moved(&self.cameras, cameras),
+            None => self.cameras.clone(),
+        };
+        Shared { parameters, cameras, freedom: self.freedom }
+    }
+}
+
+/// One step of what frames share and of all poses: the new values, their largest change in deviations, and the damping that
 /// the step needed.
-fn lengths_step(
+fn lengths_step<'a>(
     proportions: &Proportions,
-    parameters: &[f64],
+    shared: Shared<'a>,
     frames: &mut [Frame],
-    cameras: &[Camera],
     noise: f64,
     damping: f64,
-) -> (Vec<f64>, f64, f64) {
+) -> (Shared<'a>, f64, f64) {
+    let Shared { parameters, cameras, freedom } = &shared;
     let hand = proportions.hand(parameters);
     for frame in frames.iter_mut() {
         frame.x = frame.fit(&hand, cameras, noise).solve(frame.x, WARM_STEPS).1;
     }
-    let count = parameters.len();
+    let lengths = parameters.len();
+    let count = lengths + freedom.map_or(0, CameraFreedom::count);
     let derivatives = proportions.derivatives(parameters);
     let mut matrix = DMatrix::zeros(count, count);
     let mut gradient = DVector::zeros(count);
-    let mut cost = prior_cost(proportions, parameters);
+    let mut cost = shared.prior_cost(proportions);
     let mut follow = vec![];
     for frame in frames.iter() {
         let fit = frame.fit(&hand, cameras, noise);
         cost += fit.cost(&frame.x);
-        let Some(reduced) = Reduced::of(&fit, &frame.x, &derivatives) else {
+        let Some(reduced) = Reduced::of(&fit, &frame.x, &derivatives, freedom.is_some()) else {
             follow.push(None);
             continue;
         };
@@ -326,18 +373,21 @@ fn lengths_step(
         follow.push(Some(reduced));
     }
     add_prior(proportions, parameters, &mut matrix, &mut gradient);
+    if let Some(freedom) = freedom {
+        freedom.add_prior(cameras, lengths, &mut matrix, &mut gradient);
+    }
     let mut damping = damping;
     for _ in 0..ATTEMPTS {
         let mut damped = matrix.clone();
         (0..count).for_each(|k| damped[(k, k)] *= 1.0 + damping);
         let Some(step) = damped.cholesky().map(|factor| -factor.solve(&gradient)) else { break };
-        let tried: Vec<f64> = parameters.iter().zip(step.iter()).map(|(value, step)| value + step).collect();
-        let tried_hand = proportions.hand(&tried);
-        let mut tried_cost = prior_cost(proportions, &tried);
+        let tried = shared.moved(&step);
+        let tried_hand = proportions.hand(&tried.parameters);
+        let mut tried_cost = tried.prior_cost(proportions);
         let moved: Vec<Frame> = (frames.iter().zip(&follow))
             .map(|(frame, reduced)| {
                 let x = reduced.as_ref().map_or(frame.x, |reduced| reduced.follow(&frame.x, &step, &hand));
-                let fit = frame.fit(&tried_hand, cameras, noise);
+                let fit = frame.fit(&tried_hand, &tried.cameras, noise);
                 let (cost, x) = fit.solve(x, WARM_STEPS);
                 tried_cost += cost;
                 Frame { x, ..frame.clone() }
@@ -345,12 +395,13 @@ fn lengths_step(
             .collect();
         if tried_cost <= cost {
             frames.iter_mut().zip(moved).for_each(|(frame, moved)| *frame = moved);
-            let change = step.iter().enumerate().map(|(k, step)| (step / proportions.deviation(k)).abs());
-            return (tried, change.fold(0.0, f64::max), damping * 0.1);
+            let change = step.iter().take(lengths).enumerate().map(|(k, step)| (step / proportions.deviation(k)).abs());
+            let change = change.fold(CameraFreedom::size_of(&step.as_slice()[lengths..]), f64::max);
+            return (tried, change, damping * 0.1);
         }
         damping = (damping * 10.0).max(0.01);
     }
-    (parameters.to_vec(), 0.0, damping)
+    (shared, 0.0, damping)
 }
 
 /// The equations of a frame for the parameters, from which its pose is eliminated.
@@ -363,7 +414,7 @@ struct Reduced {
 }
 
 impl Reduced {
-    fn of(fit: &FrameFit, x: &[f64; UNKNOWNS], derivatives: &[Vec<DVec3>]) -> Option<Reduced> {
+    fn of(fit: &FrameFit, x: &[f64; UNKNOWNS], derivatives: &[Vec<DVec3>], with_cameras: bool) -> Option<Reduced> {
         let (own, own_gradient, stays) = equations(fit, x, 1.0);
         let own = DMatrix::from_fn(UNKNOWNS, UNKNOWNS, |i, j| own[i][j]);
         let own_gradient = DVector::from_column_slice(&own_gradient);
@@ -383,7 +434,8 @@ impl Reduced {
                 hand.landmarks.map(|joint| moved[joint])
             })
             .collect();
-        let count = derivatives.len();
+        let lengths = derivatives.len();
+        let count = lengths + if with_cameras { CAMERA_NUMBERS * fit.cameras.len() } else { 0 };
         let mut mixed = DMatrix::zeros(UNKNOWNS, count);
         let mut matrix = DMatrix::zeros(count, count);
         let mut gradient = DVector::zeros(count);
@@ -391,16 +443,22 @@ impl Reduced {
             let i = sighting.landmark;
             let gap = sighting.gap(places[i], fit.cameras, fit.scales);
             let (_, weight) = sighting.cost_and_weight(&gap, fit.noise);
-            for k in 0..count {
-                let felt = gap.information * moves[k][i] * weight;
-                gradient[k] += moves[k][i].dot(gap.pull) * weight;
+            let mut moves: Vec<(usize, DVec3)> = moves.iter().map(|moves| moves[i]).enumerate().collect();
+            if let (true, SightingPosition::Pixel(number, _)) = (with_cameras, sighting.place)
+                && let Some(camera) = fit.cameras.get(number)
+            {
+                moves.extend((lengths + CAMERA_NUMBERS * number..).zip(CameraFreedom::moves(camera, places[i])));
+            }
+            for &(k, by) in &moves {
+                let felt = gap.information * by * weight;
+                gradient[k] += by.dot(gap.pull) * weight;
                 for (at, moved) in &rows[i] {
                     if !stays[*at] {
                         mixed[(*at, k)] += moved.dot(felt);
                     }
                 }
-                for j in 0..count {
-                    matrix[(k, j)] += felt.dot(moves[j][i]);
+                for &(j, other) in &moves {
+                    matrix[(k, j)] += felt.dot(other);
                 }
             }
         }

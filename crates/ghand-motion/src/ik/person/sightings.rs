@@ -13,6 +13,10 @@ const FREEDOM: f64 = 4.0;
 /// distribution, one in fifty is.
 pub(crate) const WRONG: f64 = 5.0;
 
+/// How many times the noise of what is seen a guess is off: MediaPipe's depths are off by 10 to 20 mm, its pixels by 3 mm at
+/// the hand.
+const GUESS: f64 = 4.0;
+
 /// The distance of a landmark that would be behind its camera, metres.
 const BEHIND: f64 = 1.0;
 
@@ -23,6 +27,8 @@ pub(crate) enum SightingPosition {
     Point(DVec3),
     /// In an image of the camera of that number, without distortion; pixels.
     Pixel(usize, DVec2),
+    /// In space, metres, as guessed from one image: several times less sure than what is seen.
+    Guess(DVec3),
 }
 
 /// One landmark, seen once.
@@ -44,11 +50,11 @@ pub(crate) struct SeenFrame {
 }
 
 impl SeenFrame {
-    /// The landmarks in space, if all were seen there.
+    /// The landmarks in space, if all were seen or guessed there.
     pub fn points(&self) -> Option<[DVec3; LANDMARK_COUNT]> {
         let mut points = [DVec3::NAN; LANDMARK_COUNT];
         for sighting in &self.sightings {
-            if let SightingPosition::Point(at) = sighting.place {
+            if let SightingPosition::Point(at) | SightingPosition::Guess(at) = sighting.place {
                 points[sighting.landmark] = at;
             }
         }
@@ -75,6 +81,11 @@ impl Sighting {
             SightingPosition::Point(point) => {
                 let error = at - point;
                 Gap { squared: error.length_squared(), pull: error, information: DMat3::IDENTITY, dimensions: 3.0 }
+            }
+            SightingPosition::Guess(point) => {
+                let error = (at - point) / GUESS;
+                let information = DMat3::IDENTITY * GUESS.powi(-2);
+                Gap { squared: error.length_squared(), pull: error / GUESS, information, dimensions: 3.0 }
             }
             SightingPosition::Pixel(camera, pixel) => {
                 let behind =

@@ -1,7 +1,8 @@
+use ghand_core::rotation::axis_angle_from_rotation;
 use ghand_core::{HandModel, Side};
 use ghand_hand_model::builtin::builtin_hand;
 use ghand_synthetic::hand::trajectory::natural_motion;
-use glam::DVec2;
+use glam::{DMat3, DVec2};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -202,6 +203,38 @@ fn lengths_and_poses_come_back_from_the_images_of_two_cameras() {
             let part = wrong_part(frame.as_ref().unwrap(), fit.noise);
             assert_eq!(part > 0.4, k == WRONG_FRAME, "frame {k}: {part}");
         }
+    }
+}
+
+/// The turn of the second camera relative to the first one, and its place in the first one's axes, without a unit of length.
+fn relative(cameras: &[Camera]) -> (DMat3, DVec3) {
+    let place = cameras[0].camera_from_world(cameras[1].center());
+    (cameras[1].rotation * cameras[0].rotation.transpose(), place.normalize())
+}
+
+#[test]
+fn cameras_come_back_together_with_the_hand() {
+    for seed in 0..2 {
+        let person = person(seed, 0.006);
+        let truth = cameras(2);
+        let seen = person.in_images(&mut ChaCha8Rng::seed_from_u64(200 + seed), &truth);
+        let off = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -0.05, 0.08, -0.06, 0.05, 0.03, -0.04, 0.05, -0.08];
+        let start = CameraFreedom::moved(&truth, &off);
+        let freedom = CameraFreedom { usual_focals: vec![650.0; 2], focals_are_known: false };
+        let angle = |cameras: &[Camera]| {
+            let ((turn, place), (true_turn, true_place)) = (relative(cameras), relative(&truth));
+            let between = axis_angle_from_rotation(&(turn * true_turn.transpose())).length();
+            (between.to_degrees(), place.angle_between(true_place).to_degrees())
+        };
+        let fit = fit_person_and_cameras(&person.proportions, &seen, &start, Some(&freedom));
+        let zooms: Vec<f64> = fit.cameras.iter().zip(&truth).map(|(a, b)| a.focal.x / b.focal.x - 1.0).collect();
+        let (turn, place) = angle(&fit.cameras);
+        println!(
+            "person {seed}: turn {turn:.2}, place {place:.2} degrees, focals {zooms:.3?}, at first {:?}",
+            angle(&start)
+        );
+        assert!(turn < 0.5 && place < 1.0 && zooms.iter().all(|zoom| zoom.abs() < 0.03), "{turn} {place} {zooms:?}");
+        assert!(fit.cameras[0].center().distance(truth[0].center()) < 1e-9);
     }
 }
 

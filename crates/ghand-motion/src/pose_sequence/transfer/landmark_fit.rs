@@ -5,9 +5,10 @@ use ghand_core::{Camera, HandModel, Pose, Side};
 use glam::DVec2;
 
 use super::landmark_report::{KeptFrame, LandmarkFit, SightingDistance, report};
+use crate::ik::person::camera_freedom::CameraFreedom;
 use crate::ik::person::proportions::Proportions;
 use crate::ik::person::sightings::{SeenFrame, Sighting, SightingPosition, WRONG};
-use crate::ik::person::{fit_person, refitted};
+use crate::ik::person::{fit_person_and_cameras, refitted};
 use crate::image_landmarks::ImageFrame;
 use crate::pose_sequence::reading::recording::LandmarkFrame;
 use crate::pose_sequence::{PoseError, PoseFrame, PoseOptions, Skipped, Source, side_name};
@@ -119,12 +120,15 @@ pub(crate) struct SeenHand {
     /// Of each frame, how far each sighting is from the hand.
     pub distances: Vec<Vec<SightingDistance>>,
     pub report: LandmarkFit,
+    /// The cameras, as given or fitted.
+    pub cameras: Vec<Camera>,
 }
 
-/// Fits one hand to all frames.
+/// Fits one hand to all frames, and the cameras if they are free.
 pub(crate) fn fit(
     seen: &[SeenFrame],
     cameras: &[Camera],
+    freedom: Option<&CameraFreedom>,
     tip_inset: f64,
     model: &HandModel,
 ) -> Result<SeenHand, PoseError> {
@@ -142,7 +146,8 @@ pub(crate) fn fit(
         })
         .collect();
     let proportions = Proportions::new(model, tip_inset)?;
-    let fit = fit_person(&proportions, &enough, cameras);
+    let fit = fit_person_and_cameras(&proportions, &enough, cameras, freedom);
+    let cameras = &fit.cameras;
     // A model with the person's shape is put where the landmarks are, whatever its bones lack. Of one without shapes, the
     // bones' directions are right.
     let found: Vec<Option<Pose>> = if proportions.has_shape() {
@@ -161,7 +166,7 @@ pub(crate) fn fit(
         };
         let kept_frame = KeptFrame::new(frame, found, cameras, (WRONG * fit.noise).max(LEAST_WRONG));
         distances[number] = kept_frame.distances().collect();
-        if (kept_frame.wrong_count() as f64) > (1.0 - LEAST_RIGHT) * found.distances.len() as f64 {
+        if (kept_frame.wrong_count() as f64) > (1.0 - LEAST_RIGHT) * distances[number].len() as f64 {
             rejected.push((frame.id.clone(), kept_frame.cause()));
             continue;
         }
@@ -170,7 +175,7 @@ pub(crate) fn fit(
     }
     let shape = proportions.shape(&fit.parameters);
     let report = report(model, &proportions, &fit, &kept, cameras, rejected);
-    Ok(SeenHand { poses, shape, noise: fit.noise, distances, report })
+    Ok(SeenHand { poses, shape, noise: fit.noise, distances, report, cameras: fit.cameras })
 }
 
 fn fitted(
@@ -181,7 +186,7 @@ fn fitted(
     model: &HandModel,
     warnings: &mut Vec<String>,
 ) -> Result<(Vec<PoseFrame>, LandmarkFit), PoseError> {
-    let SeenHand { poses, shape, report, .. } = fit(seen, cameras, tip_inset, model)?;
+    let SeenHand { poses, shape, report, .. } = fit(seen, cameras, None, tip_inset, model)?;
     let mut skipped = Skipped::default();
     report.rejected.iter().for_each(|(id, problem)| skipped.add(id, problem.clone()));
     let frame = |(frame, pose): (&SeenFrame, Option<Pose>)| {

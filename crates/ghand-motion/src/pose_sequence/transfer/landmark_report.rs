@@ -126,14 +126,16 @@ impl<'a> KeptFrame<'a> {
 
     /// In the report's unit.
     pub fn distances(&self) -> impl Iterator<Item = SightingDistance> {
-        self.seen.sightings.iter().zip(&self.found.distances).map(|(sighting, metres)| {
+        self.seen.sightings.iter().zip(&self.found.distances).filter_map(|(sighting, metres)| {
             let (camera, distance) = match sighting.place {
                 SightingPosition::Point(_) => (None, metres * 1000.0),
                 SightingPosition::Pixel(camera, _) => {
                     (Some(camera), metres / self.found.scales.get(camera).unwrap_or(&f64::NAN))
                 }
+                // Nobody saw it there.
+                SightingPosition::Guess(_) => return None,
             };
-            SightingDistance { landmark: sighting.landmark, camera, distance, is_wrong: *metres > self.limit }
+            Some(SightingDistance { landmark: sighting.landmark, camera, distance, is_wrong: *metres > self.limit })
         })
     }
 
