@@ -37,7 +37,8 @@ pub(super) fn is_other_hand(
     images: &[Images],
 ) -> Result<bool, InvalidHandModel> {
     let shown: Vec<usize> = (0..given.len()).filter(|k| !images[*k].is_empty()).collect();
-    if shown.is_empty() {
+    // In a single image, the other hand seen from behind has the same outline.
+    if shown.iter().all(|frame| images[*frame].len() < 2) {
         return Ok(false);
     }
     let count = FRAMES.min(shown.len());
