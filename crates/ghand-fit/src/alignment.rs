@@ -59,6 +59,9 @@ const LAST_STEPS: [f64; 3] = [5.0, 3.0, 3.0];
 /// Turns of cameras and of poses with the shape, once cameras are known to be off.
 const FURTHER_CALIBRATIONS: usize = 2;
 
+/// The same, where only landmarks tell where cameras are.
+const ROUGH_CALIBRATIONS: usize = 8;
+
 /// Newton steps to the likeliest pose without images.
 const PRIOR_STEPS: usize = 4;
 
@@ -201,6 +204,31 @@ pub fn align(
         aligned.odd_cameras = odd_cameras;
     }
     Ok(aligned)
+}
+
+/// The cameras of a capture of which only landmarks of the hand tell where they are and how they focus, refined by the
+/// contours in the images of a split. The lengths of all that they see stay open: only proportions are told.
+///
+/// # Errors
+/// As of [`align`].
+pub fn refine_rough_cameras(capture: &Capture, split: &Split) -> Result<Vec<Camera>, AlignmentError> {
+    let fields = DistanceField::of_views(capture, &split.views)?;
+    let views = views_of_frames(split, &fields);
+    let given: Vec<&Pose> = split.frames.iter().map(|frame| &capture.frames[*frame].pose).collect();
+    let mut fit = Fit::new(&capture.template, given, Shape::Unknown);
+    fit.follow_contours(&images_of_frames(&capture.cameras, split, &fields), &mut |_, _, _| true)?;
+    let mut changes = vec![[0.0; cameras::unknowns::NUMBERS]; capture.cameras.len()];
+    let mut refined = capture.cameras.clone();
+    for _ in 0..ROUGH_CALIBRATIONS {
+        changes = fit.calibrate_roughly(&capture.cameras, &views, changes)?;
+        let moved = capture.cameras.iter().zip(&changes);
+        refined = moved.map(|(camera, change)| cameras::unknowns::changed(camera, change)).collect();
+        let images = images_of_frames(&refined, split, &fields);
+        for huber in LAST_STEPS {
+            fit.step(&images, huber, true)?;
+        }
+    }
+    Ok(refined)
 }
 
 /// The frames of a split and then those of another one.

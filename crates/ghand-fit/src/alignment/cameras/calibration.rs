@@ -14,13 +14,36 @@ use crate::alignment::outlines::distance_field::DistanceField;
 use crate::alignment::proportions::Shaped;
 use crate::alignment::{Fit, Images, joint_step, quantiles};
 
-/// Standard deviations of what a calibration is wrong by: rotation, radians; translation and focal length, as parts of the
-/// distance to the hand and of the length; principal point, as a part of the image's longer side; time, frames.
-const ROTATION: f64 = 0.5_f64.to_radians();
-const TRANSLATION: f64 = 0.01;
-const FOCAL_LENGTH: f64 = 0.01;
-const PRINCIPAL_POINT: f64 = 0.01;
-const TIME: f64 = 1.0;
+/// Standard deviations of what a calibration is wrong by.
+#[derive(Debug, Clone, Copy)]
+struct Deviations {
+    /// Radians.
+    rotation: f64,
+    /// As a part of the distance to the hand.
+    translation: f64,
+    /// As a part of the length.
+    focal_length: f64,
+    /// As a part of the image's longer side.
+    principal_point: f64,
+    /// Frames.
+    time: f64,
+}
+
+/// Of a real calibration.
+const CALIBRATED: Deviations = Deviations {
+    rotation: 0.5_f64.to_radians(),
+    translation: 0.01,
+    focal_length: 0.01,
+    principal_point: 0.01,
+    time: 1.0,
+};
+/// Of cameras that only the landmarks of the hand tell.
+const BY_LANDMARKS: Deviations =
+    Deviations { rotation: 3.0_f64.to_radians(), translation: 0.1, focal_length: 0.1, ..CALIBRATED };
+/// What these are wrong by.
+const ROUGH_PARTS: [Part; 2] = [Part::Extrinsics, Part::FocalLength];
+/// Images of a frame that tell something of them.
+const LEAST_ROUGH_CAMERAS: usize = 2;
 /// The combinations that are tried, each after the one before.
 const PARTS: [Part; 3] = [Part::Extrinsics, Part::PrincipalPoint, Part::FocalLength];
 /// Frames with fewer images tell nothing: a camera is left out, and one alone agrees with any calibration.
@@ -92,6 +115,7 @@ struct Problem<'a> {
     frames: Vec<(usize, FrameViews<'a>)>,
     /// Distance of the hand from each camera, metres.
     distances: Vec<f64>,
+    deviations: Deviations,
 }
 
 /// Images that are left out: those of a camera in every second frame.
@@ -123,7 +147,7 @@ impl Fit<'_> {
         views: &[FrameViews],
     ) -> Result<Option<Calibration>, InvalidHandModel> {
         let shaped = Shaped::fixed(&self.shaped()?.model);
-        let Some(frames) = chosen_frames(views) else { return Ok(None) };
+        let Some(frames) = chosen_frames(views, LEAST_CAMERAS) else { return Ok(None) };
         let mut used: Vec<usize> = views.iter().flatten().map(|(camera, _)| *camera).collect();
         used.sort_unstable();
         used.dedup();
@@ -182,12 +206,27 @@ impl Fit<'_> {
         calibration: &mut Calibration,
     ) -> Result<(), InvalidHandModel> {
         let shaped = Shaped::fixed(&self.shaped()?.model);
-        let Some(frames) = chosen_frames(views) else { return Ok(()) };
+        let Some(frames) = chosen_frames(views, LEAST_CAMERAS) else { return Ok(()) };
         let poses = frames.iter().map(|frame| self.poses[*frame].clone()).collect();
         let start = Solution { poses, changes: calibration.changes.clone() };
         let problem = Problem::new(self, &shaped, given, views, &frames, None);
         calibration.changes = problem.solve(&calibration.parts, start, &FURTHER_STEPS)?.changes;
         Ok(())
+    }
+
+    /// Refines the places and focal lengths of cameras that only landmarks tell, from the present poses and shape on, and
+    /// from `changes` of the cameras as `given`.
+    pub(crate) fn calibrate_roughly(
+        &self,
+        given: &[Camera],
+        views: &[FrameViews],
+        changes: Vec<CameraChange>,
+    ) -> Result<Vec<CameraChange>, InvalidHandModel> {
+        let shaped = Shaped::fixed(&self.shaped()?.model);
+        let Some(frames) = chosen_frames(views, LEAST_ROUGH_CAMERAS) else { return Ok(changes) };
+        let poses = frames.iter().map(|frame| self.poses[*frame].clone()).collect();
+        let problem = Problem { deviations: BY_LANDMARKS, ..Problem::new(self, &shaped, given, views, &frames, None) };
+        Ok(problem.solve(&ROUGH_PARTS, Solution { poses, changes }, &FURTHER_STEPS)?.changes)
     }
 }
 
@@ -203,8 +242,8 @@ fn moved(cameras: &[Camera], changes: &[CameraChange], used: &[usize]) -> Vec<St
 }
 
 /// The frames from which cameras are calibrated, evenly over those with enough images.
-fn chosen_frames(views: &[FrameViews]) -> Option<Vec<usize>> {
-    let shown: Vec<usize> = (0..views.len()).filter(|frame| views[*frame].len() >= LEAST_CAMERAS).collect();
+fn chosen_frames(views: &[FrameViews], least: usize) -> Option<Vec<usize>> {
+    let shown: Vec<usize> = (0..views.len()).filter(|frame| views[*frame].len() >= least).collect();
     let per_frame = shown.iter().map(|frame| views[*frame].len()).max()?;
     let count = (IMAGES / per_frame).max(LEAST_FRAMES).min(shown.len());
     (count >= LEAST_FRAMES).then(|| (0..count).map(|k| shown[(2 * k + 1) * shown.len() / (2 * count)]).collect())
@@ -234,7 +273,8 @@ impl<'a> Problem<'a> {
             (*frame, views[*frame].iter().filter(|(camera, _)| is_kept(*camera)).copied().collect::<FrameViews>())
         };
         let distances = cameras.iter().map(distance).collect();
-        Problem { fit, shaped, cameras, frames: frames.iter().enumerate().map(of_frame).collect(), distances }
+        let frames = frames.iter().enumerate().map(of_frame).collect();
+        Problem { fit, shaped, cameras, frames, distances, deviations: CALIBRATED }
     }
 
     /// Fits poses, and these parts of the calibration of all cameras.
@@ -279,12 +319,13 @@ impl<'a> Problem<'a> {
     /// Standard deviation of a number of a camera before any image is seen.
     fn deviation(&self, camera: usize, place: usize) -> f64 {
         let Camera { width, height, .. } = &self.cameras[camera];
+        let deviations = &self.deviations;
         match place {
-            0..3 => ROTATION,
-            3..6 => TRANSLATION * self.distances[camera],
-            6 => FOCAL_LENGTH,
-            7..9 => PRINCIPAL_POINT * f64::from(*width.max(height)),
-            _ => TIME,
+            0..3 => deviations.rotation,
+            3..6 => deviations.translation * self.distances[camera],
+            6 => deviations.focal_length,
+            7..9 => deviations.principal_point * f64::from(*width.max(height)),
+            _ => deviations.time,
         }
     }
 }
