@@ -4,6 +4,7 @@ pub mod bake;
 pub mod capture;
 pub mod evaluate;
 pub mod export;
+pub mod import;
 pub mod inspect;
 pub mod pose;
 pub mod render;

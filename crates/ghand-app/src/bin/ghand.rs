@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand};
 use ghand_app::cli::{self, AdapterArgs};
-use ghand_app::commands::{bake, capture, evaluate, export, inspect, pose, render, splat};
+use ghand_app::commands::{bake, capture, evaluate, export, import, inspect, pose, render, splat};
 
 /// Work with animatable hand avatars
 #[derive(Debug, Parser)]
@@ -28,6 +28,8 @@ enum Command {
     Bake(bake::BakeArgs),
     /// Make a synthetic capture, with known poses
     Capture(capture::MakeCaptureArgs),
+    /// Make a capture of videos of a hand
+    Import(import::ImportArgs),
     /// Write or draw the mesh of a hand model in any pose and shape
     Pose(pose::PoseArgs),
     /// Check a capture, or describe a hand model, an avatar (.ghand) or a scene (.ply)
@@ -67,6 +69,7 @@ fn main() -> ExitCode {
         Command::Evaluate(args) => evaluate::run(args, &arguments.adapter),
         Command::Bake(args) => bake::run(args, &arguments.adapter),
         Command::Capture(args) => capture::run(args, &arguments.adapter),
+        Command::Import(args) => import::run(args, &arguments.adapter),
         Command::Pose(args) => pose::run(args, &arguments.adapter),
         Command::Inspect(args) => inspect::run(args, &arguments.adapter),
         Command::Splat(args) => splat::run(args, &arguments.adapter),

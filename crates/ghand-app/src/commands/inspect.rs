@@ -2,7 +2,7 @@
 
 mod avatar;
 mod capture;
-mod contact_sheet;
+pub(super) mod contact_sheet;
 mod hand_model;
 mod scene;
 

@@ -32,7 +32,7 @@ pub struct Page<'a> {
     pub pictures: Vec<(&'static str, &'a RgbImage)>,
 }
 
-const STYLE: &str = "
+pub(crate) const STYLE: &str = "
 :root { color-scheme: light dark; }
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; }
 h1 { font-weight: 600; } h2 { font-weight: 600; margin-top: 2.5rem; }
@@ -176,7 +176,7 @@ fn simplification_table(found: &Simplification) -> Markup {
     }
 }
 
-fn data_url(picture: &RgbImage) -> anyhow::Result<String> {
+pub(crate) fn data_url(picture: &RgbImage) -> anyhow::Result<String> {
     let mut bytes = Cursor::new(vec![]);
     picture.write_to(&mut bytes, ImageFormat::Png)?;
     Ok(format!("data:image/png;base64,{}", STANDARD.encode(bytes.into_inner())))

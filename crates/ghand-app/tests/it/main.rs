@@ -27,6 +27,7 @@ mod environment;
 mod evaluate;
 mod golden;
 mod hand_models;
+mod import;
 mod inspect;
 mod live;
 #[cfg(feature = "networks")]

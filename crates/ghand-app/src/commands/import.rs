@@ -1,0 +1,161 @@
+//! `ghand import`: from videos of a hand to a capture.
+
+mod page;
+mod summary;
+
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use anyhow::bail;
+use clap::Args;
+use ghand_capture::Capture;
+use ghand_capture::inspection::{CaptureInspection, DEFAULT_SAMPLE};
+use ghand_core::Side;
+use ghand_files::claim::Claim;
+use ghand_fit::alignment::results::review::review;
+use ghand_import::progress::{Progress, Step};
+use ghand_import::{ImportOptions, Imported, import};
+use indicatif::{ProgressBar, ProgressStyle};
+
+use self::page::{Page, write_page};
+use self::summary::{camera_rows, clock_rows, frame_sentences};
+use super::inspect::contact_sheet::{SheetView, contact_sheet};
+use crate::cli::AdapterArgs;
+use crate::say;
+use crate::train_run::interruption::Interruption;
+
+/// The page of an import, in its folder.
+const PAGE: &str = "import.html";
+/// Number of views on it.
+const SHEET_VIEWS: usize = 8;
+/// Without a terminal, a line is printed this often.
+const LINE_EVERY: Duration = Duration::from_secs(10);
+
+/// Command line of `ghand import`.
+#[derive(Debug, Args)]
+pub struct ImportArgs {
+    /// Videos, or folders of pictures, one for each camera; or a folder that has one of these for each camera
+    #[arg(value_name = "FOOTAGE", required = true)]
+    footage: Vec<PathBuf>,
+    /// The folder of the capture; an earlier import in it is done again with these options
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// The cameras' calibration; without it the hand itself tells where the cameras are
+    #[arg(long, value_name = "FILE")]
+    cameras: Option<PathBuf>,
+    /// How long the hand is, from the wrist to the tip of the middle finger, as 186mm, 18.6cm or 0.186m: it gives the unit
+    /// of length where the cameras do not [default: the mean of adults]
+    #[arg(long, value_name = "LENGTH", value_parser = parse_length)]
+    hand_length: Option<f64>,
+    /// Which hand [default: the one that is seen most]
+    #[arg(long, value_name = "SIDE", value_parser = ["right", "left"])]
+    side: Option<String>,
+    /// How many frames to choose, of which one in five is held out
+    #[arg(long, value_name = "N", default_value_t = ghand_import::import::USUAL_FRAMES)]
+    frames: usize,
+}
+
+/// A length with its unit, in metres.
+fn parse_length(text: &str) -> Result<f64, String> {
+    let units = [("mm", 1e-3), ("cm", 1e-2), ("m", 1.0)];
+    let found = units.iter().find_map(|(unit, metres)| Some((text.strip_suffix(unit)?, metres)));
+    let (number, metres) = found.ok_or("give a number with its unit, as 186mm, 18.6cm or 0.186m")?;
+    let length = number.trim().parse::<f64>().map_err(|_| format!("{number:?} is not a number"))? * metres;
+    if (0.05..0.4).contains(&length) {
+        Ok(length)
+    } else {
+        Err(format!("no hand is {length} m long, from the wrist to the tip of the middle finger"))
+    }
+}
+
+/// Imports the footage.
+///
+/// # Errors
+/// One sentence with the cause and the remedy.
+pub fn run(args: &ImportArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
+    let options = ImportOptions {
+        footage: args.footage.clone(),
+        cameras: args.cameras.clone(),
+        hand_length: args.hand_length,
+        side: args.side.as_ref().map(|side| if side == "left" { Side::Left } else { Side::Right }),
+        frames: args.frames,
+        out: args.out.clone(),
+    };
+    if args.out.exists() && !args.out.join("import").is_dir() && args.out.read_dir()?.next().is_some() {
+        bail!("--out {}: is not empty, and not the folder of an import; give another one", args.out.display());
+    }
+    let _claim = Claim::beside(&args.out)?;
+    Interruption::listen("stopped: what was tracked is kept, and the same command goes on")?;
+    let start = Instant::now();
+    let imported = with_progress(&options)?;
+    describe(&imported, start, adapter)
+}
+
+fn with_progress(options: &ImportOptions) -> anyhow::Result<Imported> {
+    let bar = ProgressBar::new(1);
+    bar.set_style(ProgressStyle::with_template("{bar:30} {pos}/{len} {msg} {elapsed} (left {eta})")?);
+    let mut last = (Instant::now(), None);
+    let imported = import(options, &mut |progress: &Progress| {
+        let message = match progress.step {
+            Step::Tracking => format!("finding the hand in {}", progress.subject),
+            Step::Cameras => "cameras and clocks".into(),
+            Step::Poses => "the hand and its poses".into(),
+            Step::Contours => "cameras by the hand's outlines".into(),
+            Step::Images => format!("writing images of {}", progress.subject),
+        };
+        let is_new = last.1.as_ref() != Some(&message);
+        if is_new {
+            bar.reset();
+        }
+        bar.set_length(progress.total.max(1) as u64);
+        bar.set_position(progress.done as u64);
+        bar.set_message(message.clone());
+        if bar.is_hidden() && (is_new || last.0.elapsed() > LINE_EVERY) {
+            match progress.total {
+                0 => say!("{message}"),
+                total => say!("{message}: {} of {total}", progress.done),
+            }
+            last.0 = Instant::now();
+        }
+        last.1 = Some(message);
+        true
+    });
+    bar.finish_and_clear();
+    Ok(imported?)
+}
+
+/// Prints what was found, and writes the page.
+fn describe(imported: &Imported, start: Instant, adapter: &AdapterArgs) -> anyhow::Result<()> {
+    let capture = Capture::open(&imported.capture.root)?;
+    for row in camera_rows(imported) {
+        let [id, images, found, focal, angle, place, error] = &row[..] else { continue };
+        say!(
+            "{id}: {images}; the hand is in {found} frames; focal length {focal} px ({angle} wide), {place} from the first camera; landmarks are {error} px off the hand"
+        );
+    }
+    for row in clock_rows(imported) {
+        say!("clock of {}: {} ({} frames) later; movements agree by {}", row[0], row[1], row[2], row[3]);
+    }
+    say!("the hand: {:.0} mm long", 1e3 * imported.fit.lengths[1]);
+    frame_sentences(imported).iter().for_each(|sentence| say!("{sentence}"));
+    let mut notes = imported.remarks.clone();
+    notes.extend(imported.fit.remarks.iter().cloned());
+    if let Some(review) = review(&capture, capture.split("train")?)? {
+        notes.extend(review.sentences());
+    }
+    notes.iter().for_each(|note| say!("note: {note}"));
+    let found = CaptureInspection::of(&capture, DEFAULT_SAMPLE)?;
+    let views: Vec<SheetView> = (found.examples(SHEET_VIEWS).into_iter())
+        .map(|(split, fit)| SheetView { split: split.name.clone(), fit })
+        .collect();
+    let mut gpu = adapter.open()?;
+    let sheet = gpu.retry_on_device_loss("the pictures", |gpu| -> anyhow::Result<_> {
+        Ok(contact_sheet(gpu, &capture, &views)?)
+    })?;
+    let page = capture.root.join(PAGE);
+    let command: Vec<String> = std::env::args().collect();
+    write_page(&page, &Page { imported, command: &command.join(" "), notes: &notes, sheet: Some(sheet) })?;
+    say!("page: {}", page.display());
+    say!("imported in {:.0} s; train on it: train --capture {}", start.elapsed().as_secs_f64(), capture.root.display());
+    Ok(())
+}

@@ -1,0 +1,122 @@
+//! `ghand import`: from real videos to a capture, and what it says of footage that cannot be used.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use ghand_capture::Capture;
+use ghand_core::Camera;
+use ghand_test_support::{ffmpeg, shared};
+
+use crate::common::{assert_one_sentence, run};
+
+/// Seconds of the films that are imported.
+const SECONDS: &str = "7";
+
+fn make_video(arguments: &[&str], path: &Path) {
+    let made = Command::new("ffmpeg").args(["-loglevel", "error", "-y"]).args(arguments).arg(path).output().unwrap();
+    assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+}
+
+fn import(footage: &[&Path], out: &Path, more: &[&str]) -> Output {
+    let text = |path: &Path| path.to_str().unwrap().to_owned();
+    let mut arguments = vec!["import".to_owned()];
+    arguments.extend(footage.iter().map(|path| text(path)));
+    arguments.extend(["--out".to_owned(), text(out)]);
+    arguments.extend(more.iter().map(|option| (*option).to_owned()));
+    let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    run(env!("CARGO_BIN_EXE_ghand"), out.parent().unwrap(), &arguments)
+}
+
+/// The first seconds of the films of two cameras, without a hand in the first half second.
+fn films(folder: &Path) -> Option<[PathBuf; 2]> {
+    let films = ["cam0", "cam1"].map(|name| shared(&format!("footage/desk-two-cameras/{name}.mp4")));
+    let [Some(a), Some(b)] = films else { return None };
+    let cut = |from: &Path, name: &str| {
+        let path = folder.join(name);
+        make_video(&["-i", from.to_str().unwrap(), "-t", SECONDS, "-c", "copy"], &path);
+        path
+    };
+    Some([cut(&a, "cam0.mp4"), cut(&b, "cam1.mp4")])
+}
+
+/// Degrees by which the second camera's turn relative to the first one differs.
+fn turn_between(found: &[Camera], given: &[Camera]) -> f64 {
+    let turn = |cameras: &[Camera]| cameras[1].rotation * cameras[0].rotation.transpose();
+    let off = turn(found) * turn(given).transpose();
+    (0.5 * (off.x_axis.x + off.y_axis.y + off.z_axis.z - 1.0)).clamp(-1.0, 1.0).acos().to_degrees()
+}
+
+#[test]
+fn two_films_and_their_calibration_become_a_capture() {
+    let folder = tempfile::tempdir().unwrap();
+    let (true, Some([a, b])) = (ffmpeg(), films(folder.path())) else { return };
+    let calibration = shared("footage/desk-two-cameras").unwrap();
+    let out = folder.path().join("me");
+    let options = ["--cameras", calibration.to_str().unwrap(), "--frames", "20"];
+    let made = import(&[&a, &b], &out, &options);
+    let said = String::from_utf8_lossy(&made.stdout).into_owned();
+    assert!(made.status.success(), "{said}{}", String::from_utf8_lossy(&made.stderr));
+    // The calibration counts in squares of a board.
+    assert!(said.contains("unit of length") && said.contains("train --capture"), "{said}");
+    let capture = Capture::open(&out).unwrap();
+    assert_eq!((capture.cameras.len(), capture.frames.len()), (2, 20));
+    assert_eq!(capture.split("test").unwrap().frames.len(), 4);
+    let given = ghand_capture::cameras::calibration_files::read_calibration(&calibration).unwrap();
+    let given: Vec<Camera> =
+        given.cameras.iter().map(|camera| given.lens_camera(camera, [720, 720], 1.0).unwrap().camera).collect();
+    assert!(turn_between(&capture.cameras, &given) < 1e-6);
+    // A square is 43 mm; the mean hand may differ from this one by some per cent.
+    let distance = |cameras: &[Camera]| cameras[0].center().distance(cameras[1].center());
+    let square = distance(&capture.cameras) / distance(&given);
+    assert!((0.036..0.050).contains(&square), "{square}");
+    for view in &capture.split("train").unwrap().views {
+        let mask = capture.load_hand_mask(view.camera, view.frame).unwrap();
+        let hand = mask.iter().filter(|inside| **inside).count();
+        assert!((2_000..60_000).contains(&hand), "{hand} pixels of the hand");
+    }
+    let page = fs::read_to_string(out.join("import.html")).unwrap();
+    assert!(page.contains("cam1") && page.contains("data:image/png"));
+    // What was tracked is kept: other options need no tracking.
+    let kept = out.join("import/tracked-cam0.json");
+    let before = fs::metadata(&kept).unwrap().modified().unwrap();
+    let made = import(&[&a, &b], &out, &["--frames", "10"]);
+    let said = String::from_utf8_lossy(&made.stdout).into_owned();
+    assert!(made.status.success(), "{said}{}", String::from_utf8_lossy(&made.stderr));
+    assert_eq!(fs::metadata(&kept).unwrap().modified().unwrap(), before);
+    let alone = Capture::open(&out).unwrap();
+    assert_eq!(alone.frames.len(), 10);
+    assert_eq!(fs::read_dir(out.join("images/cam1")).unwrap().count(), 10, "no image of the first choice is left");
+    // The hand alone, in seven seconds.
+    let off = turn_between(&alone.cameras, &given);
+    println!("cameras by the hand alone: {off:.1} degrees off");
+    assert!(off < 10.0, "{off}");
+}
+
+#[test]
+fn footage_that_cannot_be_used_is_one_sentence() {
+    if !ffmpeg() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    fs::write(path("empty.mp4"), b"").unwrap();
+    fs::write(path("text.mp4"), b"not a film").unwrap();
+    make_video(&["-f", "lavfi", "-i", "testsrc=size=160x120:rate=30:duration=1"], &path("no-hand.mp4"));
+    fs::create_dir(path("mine")).unwrap();
+    fs::write(path("mine/notes.txt"), b"keep").unwrap();
+    let no_hand = path("no-hand.mp4");
+    for (footage, out, more, parts) in [
+        (path("none.mp4"), "a", &[][..], &["none.mp4"][..]),
+        (path("empty.mp4"), "b", &[], &["empty.mp4", "empty"]),
+        (path("text.mp4"), "c", &[], &["text.mp4"]),
+        (no_hand.clone(), "d", &[], &["no-hand.mp4", "no hand", "film"]),
+        (no_hand.clone(), "mine", &[], &["mine", "not empty"]),
+        (no_hand.clone(), "e", &["--hand-length", "186"], &["--hand-length", "186mm"]),
+        (no_hand.clone(), "e", &["--hand-length", "3m"], &["no hand is 3 m long"]),
+        (no_hand, "f", &["--cameras", "nowhere.toml"], &["nowhere.toml"]),
+    ] {
+        assert_one_sentence(&import(&[&footage], &path(out), more), parts);
+    }
+    assert_eq!(fs::read(path("mine/notes.txt")).unwrap(), b"keep");
+}

@@ -1,0 +1,346 @@
+//! The whole way from footage to a capture.
+
+use std::fs;
+use std::path::PathBuf;
+
+use ghand_capture::Capture;
+use ghand_capture::cameras::list::LensCamera;
+use ghand_core::{HandModel, Side};
+use ghand_fit::alignment::refine_rough_cameras;
+use ghand_hand_model::builtin::builtin_hand;
+use ghand_motion::ik::HandIk;
+use ghand_motion::{LandmarkFit, RestSkeleton};
+use glam::DVec2;
+
+use crate::ImportError;
+use crate::cameras::given_cameras;
+use crate::choice::{Candidate, Choice, choose};
+use crate::hand::{Hand, UnknownCameras, fit_hand, frame_id};
+use crate::landmarks::{Tracked, track_all};
+use crate::progress::{OnProgress, Progress, Step};
+use crate::rig::lengths::{TIP_INSET, hand_length, lengths_of};
+use crate::solve::{Known, Solved, solve};
+use crate::sources::{Source, open};
+use crate::track::Track;
+use crate::writing::{ChosenFrame, write_capture, write_images};
+
+/// How many frames a capture has by default, of which one in five is held out.
+pub const USUAL_FRAMES: usize = 64;
+/// Fewer frames with the hand than this are not worth an import.
+const LEAST_FRAMES: usize = 5;
+/// A hand in less than this part of the frames is told.
+const FEW_FRAMES: f64 = 0.5;
+/// A second hand in more than this part of the frames is told.
+const OTHER_HAND: f64 = 0.1;
+/// A hand this many times the mean hand, or as many times smaller, means a wrong unit of length.
+const LARGEST_SIZE: f64 = 1.6;
+/// Landmarks may be this far outside of an image, relative to its width, where the hand touches its border.
+const BORDER: f64 = 0.005;
+
+/// What to import.
+#[derive(Debug, Clone)]
+pub struct ImportOptions {
+    /// Videos, or folders of pictures, one for each camera; or a folder of these.
+    pub footage: Vec<PathBuf>,
+    /// A calibration, a file or a folder of any kind that [`ghand_capture`] reads; without it, the hand tells where the
+    /// cameras are.
+    pub cameras: Option<PathBuf>,
+    /// From the wrist to the tip of the middle finger, metres, where the cameras' unit of length is not known.
+    pub hand_length: Option<f64>,
+    /// Which hand; by default the one that is seen most.
+    pub side: Option<Side>,
+    /// How many frames to choose.
+    pub frames: usize,
+    /// The folder of the capture.
+    pub out: PathBuf,
+}
+
+/// What was imported, and how sure it is.
+pub struct Imported {
+    /// The capture, as written.
+    pub capture: Capture,
+    /// The footage.
+    pub sources: Vec<Source>,
+    /// All hands of each camera.
+    pub tracked: Vec<Tracked>,
+    /// The hand's track in each camera.
+    pub tracks: Vec<Track>,
+    /// What was known of the cameras.
+    pub known: Known,
+    /// Cameras and clocks.
+    pub solved: Solved,
+    /// The hand's poses and how well they fit.
+    pub fit: LandmarkFit,
+    /// All frames that could be chosen, with their numbers.
+    pub candidates: Vec<(usize, Candidate)>,
+    /// The chosen ones.
+    pub choice: Choice,
+    /// What the user should know, one sentence each.
+    pub remarks: Vec<String>,
+}
+
+impl Imported {
+    /// The number of a camera's image at the time of a frame.
+    pub fn image_of(&self, frame: usize, camera: usize) -> usize {
+        nearest(&self.tracks[camera], self.tracks[0].times[frame] + self.solved.rig.offsets[camera])
+    }
+}
+
+/// Imports footage.
+///
+/// # Errors
+/// [`ImportError`]: one sentence with the cause and the remedy.
+pub fn import(options: &ImportOptions, on_progress: &mut OnProgress) -> Result<Imported, ImportError> {
+    let sources = open(&options.footage)?;
+    let mut remarks = vec![];
+    for source in &sources {
+        remarks.extend(source.footage.remarks().iter().map(|remark| format!("{}: {remark}", source.id)));
+    }
+    let (mut lenses, known) = given_cameras(&sources, options.cameras.as_deref(), &mut remarks)?;
+    let work = options.out.join("import");
+    fs::create_dir_all(&work).map_err(ImportError::write(&work))?;
+    let tracked = track_all(&sources, &work, on_progress)?;
+    let side = side(&sources, &tracked, options.side, &mut remarks)?;
+    let tracks: Vec<Track> =
+        sources.iter().zip(&tracked).map(|(s, t)| t.hands.track(side, s.footage.times())).collect();
+    check_tracks(&sources, &tracks, &mut remarks)?;
+    tell(on_progress, Step::Cameras)?;
+    let model = builtin_hand(side)?;
+    let lengths = lengths_of(&model)?;
+    let solved = solve(&tracks, &lenses, known, &lengths).map_err(|error| ImportError::Unusable(error.to_string()))?;
+    let usual_focals = lenses.iter().map(|lens| lens.camera.focal.x).collect();
+    let hand_length = place(&mut lenses, &solved, known, &lengths, options.hand_length, &mut remarks)?;
+    tell(on_progress, Step::Poses)?;
+    let is_unknown = matches!(known, Known::Nothing | Known::Lenses) && lenses.len() > 1;
+    let focals_are_known = known == Known::Lenses;
+    let unknown = is_unknown.then_some(UnknownCameras { usual_focals, focals_are_known, hand_length });
+    let mut hand = fit_hand(&tracks, &mut lenses, &solved.rig.offsets, &model, unknown)?;
+    let candidates = candidates(&tracks, &lenses, &solved.rig.offsets, &model, &hand)?;
+    let frames: Vec<Candidate> = candidates.iter().map(|(_, candidate)| candidate.clone()).collect();
+    let choice = choose(&frames, options.frames);
+    if choice.train.len() < 2 {
+        let reasons: Vec<String> =
+            choice.rejected.iter().map(|(reason, count)| format!("{reason} ({count})")).collect();
+        return Err(ImportError::Unusable(format!(
+            "no frames can be used of {}: {}; film the hand more slowly, in more light, and whole in all images",
+            candidates.len(),
+            reasons.join(", ")
+        )));
+    }
+    let mut chosen: Vec<(usize, bool)> = choice.train.iter().map(|k| (*k, false)).collect();
+    chosen.extend(choice.test.iter().map(|k| (*k, true)));
+    chosen.sort_unstable();
+    let frames_in = |hand: &Hand| -> Vec<ChosenFrame> {
+        let frame = |(k, is_held_out): &(usize, bool)| {
+            let number = candidates[*k].0;
+            let time = tracks[0].times[number];
+            let image = |(track, offset): (&Track, &f64)| nearest(track, time + offset);
+            Some(ChosenFrame {
+                id: frame_id(number),
+                images: tracks.iter().zip(&solved.rig.offsets).map(image).collect(),
+                pose: hand.poses[number].clone()?,
+                is_held_out: *is_held_out,
+            })
+        };
+        chosen.iter().filter_map(frame).collect()
+    };
+    write_images(&options.out, &sources, &frames_in(&hand), on_progress)?;
+    let mut capture = write_capture(&options.out, &lenses, &model, &hand.shape, &frames_in(&hand))?;
+    if is_unknown {
+        tell(on_progress, Step::Contours)?;
+        // As read again: with masks that are made.
+        let written = Capture::open(&options.out)?;
+        let refined = refine_rough_cameras(&written, written.split("train")?)?;
+        for (lens, camera) in lenses.iter_mut().zip(refined) {
+            lens.camera = camera;
+        }
+        let rough = fit_hand(&tracks, &mut lenses, &solved.rig.offsets, &model, None)?;
+        let scale = hand_length / rough.fit.lengths[1];
+        lenses.iter_mut().for_each(|lens| lens.camera.translation *= scale);
+        hand = fit_hand(&tracks, &mut lenses, &solved.rig.offsets, &model, None)?;
+        capture = write_capture(&options.out, &lenses, &model, &hand.shape, &frames_in(&hand))?;
+    }
+    Ok(Imported { capture, sources, tracked, tracks, known, solved, fit: hand.fit, candidates, choice, remarks })
+}
+
+fn tell(on_progress: &mut OnProgress, step: Step) -> Result<(), ImportError> {
+    let goes_on = on_progress(&Progress { step, subject: String::new(), done: 0, total: 0 });
+    if goes_on { Ok(()) } else { Err(ImportError::Stopped) }
+}
+
+/// The side of the hand that is imported.
+fn side(
+    sources: &[Source],
+    tracked: &[Tracked],
+    wanted: Option<Side>,
+    remarks: &mut Vec<String>,
+) -> Result<Side, ImportError> {
+    let count = |k: usize| tracked.iter().map(|tracked| tracked.hands.by_side[k]).sum::<usize>();
+    let [right, left] = [count(0), count(1)];
+    let names = |side: Side| if side == Side::Right { "right" } else { "left" };
+    let side = wanted.unwrap_or(if left > right { Side::Left } else { Side::Right });
+    let [own, other] = if side == Side::Right { [right, left] } else { [left, right] };
+    if own == 0 {
+        let problem = if other > 0 {
+            format!("shows only a {} hand", names(if side == Side::Right { Side::Left } else { Side::Right }))
+        } else {
+            "shows no hand that can be recognised; film the whole hand, near and in good light".into()
+        };
+        return Err(ImportError::Unusable(format!("{}: {problem}", sources[0].footage.path().display())));
+    }
+    if wanted.is_none() && other as f64 > OTHER_HAND * own as f64 {
+        remarks.push(format!(
+            "the {} hand is imported, which {own} images show; {other} also show another one: --side takes it",
+            names(side)
+        ));
+    }
+    for (source, tracked) in sources.iter().zip(tracked) {
+        if tracked.missing > 0 {
+            remarks.push(format!("{}: {} frames could not be decoded", source.id, tracked.missing));
+        }
+        if tracked.hands.with_same_side as f64 > OTHER_HAND * tracked.hands.with_hand as f64 {
+            remarks.push(format!(
+                "{}: {} of its frames show two hands of the same side; the one that is nearer to that of the frame before \
+                 is taken",
+                source.id, tracked.hands.with_same_side
+            ));
+        }
+    }
+    Ok(side)
+}
+
+fn check_tracks(sources: &[Source], tracks: &[Track], remarks: &mut Vec<String>) -> Result<(), ImportError> {
+    for (source, track) in sources.iter().zip(tracks) {
+        let (found, all) = (track.found(), track.sightings.len());
+        if found < LEAST_FRAMES {
+            return Err(ImportError::Unusable(format!(
+                "{}: the hand is found in {found} of {all} frames, at least {LEAST_FRAMES} are needed; film the whole hand, \
+                 near and in good light",
+                source.footage.path().display()
+            )));
+        }
+        if (found as f64) < FEW_FRAMES * all as f64 {
+            remarks.push(format!("{}: the hand is found in {found} of {all} frames only", source.id));
+        }
+    }
+    Ok(())
+}
+
+/// Puts what was found into the cameras: places and focal lengths, and the unit of length from the hand's length, which it
+/// returns.
+fn place(
+    lenses: &mut [LensCamera],
+    solved: &Solved,
+    known: Known,
+    lengths: &[f64; crate::rig::lengths::BONES.len()],
+    hand_length_given: Option<f64>,
+    remarks: &mut Vec<String>,
+) -> Result<f64, ImportError> {
+    let rig = &solved.rig;
+    let own: [f64; crate::rig::lengths::BONES.len()] =
+        std::array::from_fn(|k| lengths[k] * rig.bones[k].exp() * rig.size);
+    let length = hand_length(&own) + TIP_INSET * rig.size;
+    let mean = hand_length(lengths) + TIP_INSET;
+    let wanted = hand_length_given.unwrap_or(mean);
+    let scale = match known {
+        Known::All => {
+            if lenses.len() > 1 && !(1.0 / LARGEST_SIZE..LARGEST_SIZE).contains(&rig.size) {
+                return Err(ImportError::Unusable(format!(
+                    "by these cameras the hand is {length:.3} m long, from the wrist to the tip of the middle finger; their \
+                     unit of length is not the metre, or they are other cameras"
+                )));
+            }
+            1.0
+        }
+        Known::AllButTheUnit | Known::Lenses | Known::Nothing => wanted / length,
+    };
+    for (lens, camera) in lenses.iter_mut().zip(&rig.cameras) {
+        lens.camera = camera.clone();
+        lens.camera.translation *= scale;
+    }
+    if known != Known::All && lenses.len() > 1 && hand_length_given.is_none() {
+        remarks.push(format!(
+            "nothing tells the unit of length: the hand is taken for {:.0} mm long, the mean of adults; --hand-length gives \
+             another one",
+            1e3 * mean
+        ));
+    }
+    Ok(wanted)
+}
+
+/// All frames with a pose, with their numbers.
+fn candidates(
+    tracks: &[Track],
+    lenses: &[LensCamera],
+    offsets: &[f64],
+    model: &HandModel,
+    hand: &Hand,
+) -> Result<Vec<(usize, Candidate)>, ImportError> {
+    let ik = HandIk::new(&RestSkeleton::of(model)?);
+    let sharpest: Vec<f64> = tracks.iter().map(sharp_tenth).collect();
+    let mut found = vec![];
+    for residual in &hand.fit.frames {
+        let Some(number) = residual.id.parse::<usize>().ok() else { continue };
+        let Some(pose) = hand.poses.get(number).and_then(Option::as_ref) else { continue };
+        let time = tracks[0].times[number];
+        let mut candidate = Candidate {
+            time,
+            points: ik.landmarks(pose),
+            error: 0.0,
+            sharpness: f64::INFINITY,
+            is_inside: true,
+            blur: 0.0,
+            views: 0,
+        };
+        let mut spans = vec![];
+        for (k, track) in tracks.iter().enumerate() {
+            let image = nearest(track, time + offsets[k]);
+            let Some(sighting) = &track.sightings[image] else { continue };
+            candidate.views += 1;
+            candidate.sharpness = candidate.sharpness.min(sighting.sharpness / sharpest[k].max(1e-12));
+            let camera = &lenses[k].camera;
+            let size = DVec2::new(f64::from(camera.width), f64::from(camera.height));
+            let border = BORDER * size.x;
+            candidate.is_inside &=
+                sighting.pixels.iter().all(|p| p.min_element() > -border && (size - *p).min_element() > -border);
+            let middle = candidate.points[9];
+            let span = camera.focal.x * hand.fit.lengths[1] / camera.camera_from_world(middle).z;
+            spans.push(span);
+            candidate.blur = candidate.blur.max(moved(track, image, time + offsets[k]) / span);
+        }
+        let span = spans.iter().sum::<f64>() / spans.len().max(1) as f64;
+        candidate.error = residual.distances.median / span;
+        if candidate.views > 0 {
+            found.push((number, candidate));
+        }
+    }
+    Ok(found)
+}
+
+/// How many pixels the hand moves between the time of an image and another time of that camera's clock.
+fn moved(track: &Track, image: usize, time: f64) -> f64 {
+    let gap = (time - track.times[image]).abs();
+    let near = |k: Option<usize>| k.and_then(|k| Some((track.times.get(k)?, track.sightings.get(k)?.as_ref()?)));
+    let (Some((at, here)), Some((then, there))) =
+        (near(Some(image)), near(image.checked_sub(1)).or_else(|| near(Some(image + 1))))
+    else {
+        return 0.0;
+    };
+    let way =
+        here.pixels.iter().zip(&there.pixels).map(|(a, b)| a.distance(*b)).sum::<f64>() / here.pixels.len() as f64;
+    way / (at - then).abs().max(1e-6) * gap
+}
+
+/// The sharpness that one image in ten exceeds.
+pub fn sharp_tenth(track: &Track) -> f64 {
+    let mut values: Vec<f64> = track.sightings.iter().flatten().map(|sighting| sighting.sharpness).collect();
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() * 9 / 10).copied().unwrap_or(0.0)
+}
+
+/// The frame whose time is nearest.
+fn nearest(track: &Track, time: f64) -> usize {
+    let after = track.times.partition_point(|t| *t < time).min(track.times.len().saturating_sub(1));
+    let before = after.saturating_sub(1);
+    if (track.times[before] - time).abs() < (track.times[after] - time).abs() { before } else { after }
+}

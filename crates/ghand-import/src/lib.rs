@@ -1,0 +1,28 @@
+//! From videos of a hand to a capture.
+//!
+//! [`import()`] does it all, in these steps:
+//!
+//! 1. [`landmarks`]: the tracker finds hands in each camera's frames; [`track`] is one of them in one camera.
+//! 2. [`solve`](mod@solve): how the cameras' clocks differ ([`clocks`]) and where the cameras are ([`rig`]), if that is not
+//!    given.
+//! 3. [`hand`]: one hand and all its poses.
+//! 4. [`choice`]: frames that are sharp, sure and different; [`writing`] makes a capture of them.
+
+mod cameras;
+pub mod choice;
+pub mod clocks;
+mod error;
+pub mod hand;
+pub mod import;
+pub mod landmarks;
+pub mod moments;
+pub mod progress;
+pub mod rig;
+mod sharpness;
+pub mod solve;
+pub mod sources;
+pub mod track;
+pub mod writing;
+
+pub use error::ImportError;
+pub use import::{ImportOptions, Imported, import};

@@ -1,0 +1,132 @@
+//! Cameras, clocks and lengths of the hand from the tracks of all cameras.
+
+use ghand_capture::cameras::list::LensCamera;
+
+use crate::clocks::{self, ClockOffset};
+use crate::moments::moments;
+use crate::rig::bundle::{Bundle, refine};
+use crate::rig::equations::first_points;
+use crate::rig::lengths::BONES;
+use crate::rig::start::place_cameras;
+use crate::rig::{Moment, Rig, Unknowns};
+use crate::track::Track;
+
+/// Most moments that cameras are found from: more of them tell nothing new.
+const MOST_MOMENTS: usize = 150;
+/// Rounds of interpolating landmarks by the clocks and refining these.
+const ROUNDS: usize = 4;
+/// Clocks that change by less than this in a round are found, seconds.
+const SMALL_OFFSET: f64 = 2e-4;
+/// Fewer moments than this that two cameras see do not place a camera.
+const LEAST_MOMENTS: usize = 10;
+
+/// What is known of cameras before.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Known {
+    /// All but the clocks.
+    All,
+    /// All but the clocks and the unit of length.
+    AllButTheUnit,
+    /// Focal lengths and distortion, but not where cameras are.
+    Lenses,
+    /// Only sizes of images, and a guess of the focal lengths.
+    Nothing,
+}
+
+/// Why cameras could not be found.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum SolveError {
+    /// By the camera's number.
+    #[error(
+        "camera {0} sees the hand at too few moments at which another camera sees it, too; film so that all cameras see the \
+         hand for some seconds, or give --cameras"
+    )]
+    TooLittleInCommon(usize),
+}
+
+/// What was found.
+#[derive(Debug, Clone)]
+pub struct Solved {
+    /// Cameras, clocks and the hand's lengths.
+    pub rig: Rig,
+    /// Clocks as the movements tell them; `None` for the first camera, and where they do not.
+    pub clocks: Vec<Option<ClockOffset>>,
+    /// Noise of a landmark, metres at a hand of mean size.
+    pub noise: f64,
+    /// The refined rig with its uncertainty; `None` for a single camera.
+    pub bundle: Option<Bundle>,
+}
+
+/// Finds what is not known. `lengths` are those of the mean hand.
+///
+/// # Errors
+/// [`SolveError`] if cameras have too little in common.
+pub fn solve(
+    tracks: &[Track],
+    lenses: &[LensCamera],
+    known: Known,
+    lengths: &[f64; BONES.len()],
+) -> Result<Solved, SolveError> {
+    let mut clocks = vec![None];
+    clocks.extend(tracks.iter().skip(1).map(|track| clocks::offset(&tracks[0], track)));
+    let cameras = lenses.iter().map(|lens| lens.camera.clone()).collect();
+    let offsets = clocks.iter().map(|clock| clock.map_or(0.0, |clock| clock.seconds)).collect();
+    let mut rig = Rig { cameras, size: 1.0, bones: [0.0; BONES.len()], offsets };
+    if tracks.len() < 2 {
+        return Ok(Solved { rig, clocks, noise: 0.0, bundle: None });
+    }
+    let focals: Vec<f64> = rig.cameras.iter().map(|camera| camera.focal.x).collect();
+    let mut bundle = None;
+    for round in 0..ROUNDS {
+        let seen = common_moments(tracks, lenses, &rig.offsets);
+        for camera in 0..tracks.len() {
+            if seen.iter().filter(|moment| moment[camera].is_some()).count() < LEAST_MOMENTS {
+                return Err(SolveError::TooLittleInCommon(camera));
+            }
+        }
+        if round == 0 {
+            if matches!(known, Known::Nothing | Known::Lenses) {
+                place_cameras(&mut rig.cameras, &seen).map_err(SolveError::TooLittleInCommon)?;
+            }
+            let size = seen_size(&rig, &seen, lengths);
+            match known {
+                // The unit of length is such that the hand is the mean hand.
+                Known::Nothing | Known::Lenses => rig.cameras.iter_mut().for_each(|camera| camera.translation /= size),
+                Known::All | Known::AllButTheUnit => rig.size = size,
+            }
+        }
+        let unknowns = Unknowns {
+            places: matches!(known, Known::Nothing | Known::Lenses),
+            focals: known == Known::Nothing,
+            clocks: true,
+            size: matches!(known, Known::All | Known::AllButTheUnit),
+        };
+        let before = rig.offsets.clone();
+        let refined = refine(&rig, &seen, lengths, unknowns, &focals);
+        rig = refined.rig.clone();
+        bundle = Some(refined);
+        if before.iter().zip(&rig.offsets).all(|(a, b)| (a - b).abs() < SMALL_OFFSET) {
+            break;
+        }
+    }
+    let noise = bundle.as_ref().map_or(0.0, |bundle| bundle.noise);
+    Ok(Solved { rig, clocks, noise, bundle })
+}
+
+/// Moments that two cameras or more see, spread evenly over the footage.
+fn common_moments(tracks: &[Track], lenses: &[LensCamera], offsets: &[f64]) -> Vec<Moment> {
+    let all = moments(tracks, lenses, offsets, &tracks[0].times);
+    let common: Vec<Moment> = all.into_iter().filter(|moment| moment.iter().flatten().count() >= 2).collect();
+    let count = common.len().min(MOST_MOMENTS);
+    (0..count).map(|k| common[k * common.len() / count].clone()).collect()
+}
+
+/// How many times the mean hand the hand is, as the rig's lines of sight say: the median over bones and moments.
+fn seen_size(rig: &Rig, moments: &[Moment], lengths: &[f64; BONES.len()]) -> f64 {
+    let mut ratios = vec![];
+    for points in moments.iter().filter_map(|moment| first_points(moment, &rig.cameras)) {
+        ratios.extend(BONES.iter().zip(lengths).map(|((from, to), mean)| points[*from].distance(points[*to]) / mean));
+    }
+    ratios.sort_by(f64::total_cmp);
+    ratios.get(ratios.len() / 2).copied().filter(|size| size.is_finite() && *size > 0.0).unwrap_or(1.0)
+}

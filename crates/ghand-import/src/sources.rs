@@ -1,0 +1,54 @@
+//! The cameras' footage with their names.
+
+use std::path::{Path, PathBuf};
+
+use ghand_footage::Footage;
+
+use crate::ImportError;
+
+/// The footage of one camera.
+#[derive(Debug, Clone)]
+pub struct Source {
+    /// Name of the camera.
+    pub id: String,
+    /// Its frames.
+    pub footage: Footage,
+}
+
+/// Opens footage: each path is a video or a folder of pictures of one camera. A single folder that has no pictures but
+/// videos or folders of pictures has one camera in each.
+///
+/// # Errors
+/// If one cannot be read.
+pub fn open(paths: &[PathBuf]) -> Result<Vec<Source>, ImportError> {
+    let inside = match paths {
+        [folder] if folder.is_dir() && Footage::open(folder).is_err() => footage_in(folder)?,
+        _ => vec![],
+    };
+    let paths = if inside.is_empty() { paths } else { &inside };
+    let mut sources: Vec<Source> = vec![];
+    for path in paths {
+        let footage = Footage::open(path)?;
+        let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+        let plain: String =
+            stem.chars().map(|c| if c.is_ascii_alphanumeric() || "-_".contains(c) { c } else { '_' }).collect();
+        let plain = if plain.is_empty() { "cam".to_owned() } else { plain };
+        let is_known = |id: &str| sources.iter().any(|source| source.id == id);
+        let numbered = (2..).map(|k| format!("{plain}-{k}"));
+        let id = std::iter::once(plain.clone()).chain(numbered).find(|id| !is_known(id)).unwrap_or(plain);
+        sources.push(Source { id, footage });
+    }
+    Ok(sources)
+}
+
+/// Videos, or folders of pictures, in a folder, by name; empty if one of its entries is neither.
+fn footage_in(folder: &Path) -> Result<Vec<PathBuf>, ImportError> {
+    const VIDEOS: [&str; 9] = ["mp4", "mov", "mkv", "avi", "webm", "m4v", "mts", "mpg", "3gp"];
+    let entries = std::fs::read_dir(folder).map_err(ImportError::write(folder))?;
+    let mut found: Vec<PathBuf> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
+    let is_video =
+        |path: &PathBuf| path.extension().is_some_and(|e| VIDEOS.iter().any(|known| e.eq_ignore_ascii_case(known)));
+    found.retain(|path| path.is_dir() || is_video(path));
+    found.sort();
+    Ok(found)
+}

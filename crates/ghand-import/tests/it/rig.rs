@@ -1,0 +1,99 @@
+//! Cameras and clocks that the hand tells, against known ones.
+
+use ghand_core::Camera;
+use ghand_import::clocks;
+use ghand_import::moments::moments;
+use ghand_import::rig::lengths::{hand_length, lengths_of};
+use ghand_import::solve::{Known, solve};
+use ghand_import::track::Track;
+use glam::{DMat3, DVec3};
+
+use crate::hands::{Motion, cameras, hand, lenses, track};
+
+const OFFSETS: [f64; 4] = [0.0, 0.137, -0.41, 1.213];
+
+fn tracks(cameras: &[Camera], rates: &[f64], noise: f64, seed: u64) -> Vec<Track> {
+    let motion = Motion::new(seed);
+    let one =
+        |(k, camera)| track(&motion, camera, rates[k % rates.len()], 12.0, OFFSETS[k], noise, 100 * seed + k as u64);
+    cameras.iter().enumerate().map(one).collect()
+}
+
+/// Of camera k relative to the first one: degrees of its turn, and metres of its place.
+fn off(found: &[Camera], truth: &[Camera], k: usize) -> (f64, f64) {
+    let turn = |cameras: &[Camera]| cameras[k].rotation * cameras[0].rotation.transpose();
+    let place = |cameras: &[Camera]| cameras[0].camera_from_world(cameras[k].center());
+    let between: DMat3 = turn(found) * turn(truth).transpose();
+    let cosine = 0.5 * (between.x_axis.x + between.y_axis.y + between.z_axis.z - 1.0);
+    let shift: DVec3 = place(found) - place(truth);
+    (cosine.clamp(-1.0, 1.0).acos().to_degrees(), shift.length())
+}
+
+#[test]
+fn movements_tell_the_clocks_to_a_frame() {
+    let cameras = cameras(4);
+    let tracks = tracks(&cameras, &[30.0, 25.0], 0.003, 1);
+    for k in 1..4 {
+        let found = clocks::offset(&tracks[0], &tracks[k]).unwrap();
+        assert!((found.seconds - OFFSETS[k]).abs() < 0.04, "{k}: {found:?}");
+    }
+    // The other footage shows another motion.
+    let other = track(&Motion::new(40), &cameras[1], 30.0, 12.0, 0.0, 0.003, 9);
+    let wrong = clocks::offset(&tracks[0], &other).map_or(0.0, |found| found.agreement);
+    let right = clocks::offset(&tracks[0], &tracks[1]).unwrap().agreement;
+    println!("agreement {right:.2}, of other motions {wrong:.2}");
+    assert!(right > wrong + 0.2);
+}
+
+#[test]
+fn the_hand_alone_tells_cameras_and_clocks() {
+    let lengths = lengths_of(&hand()).unwrap();
+    let mut wrong = vec![];
+    for (count, seed, rates) in [(2, 1, &[30.0][..]), (2, 2, &[30.0, 25.0]), (4, 3, &[30.0, 29.7])] {
+        let truth = cameras(count);
+        let tracks = tracks(&truth, rates, 0.003, seed);
+        let unknown: Vec<Camera> =
+            (truth.iter()).map(|c| ghand_import::rig::start::unknown_camera(&c.id, c.width, c.height)).collect();
+        let found = solve(&tracks, &lenses(&unknown), Known::Nothing, &lengths).unwrap();
+        // The hand's length is known.
+        let mut cameras = found.rig.cameras.clone();
+        let length = hand_length(&std::array::from_fn(|k| lengths[k] * found.rig.bones[k].exp()));
+        cameras.iter_mut().for_each(|camera| camera.translation *= hand_length(&lengths) / length);
+        for k in 0..count {
+            let (degrees, metres) = off(&cameras, &truth, k);
+            let zoom = found.rig.cameras[k].focal.x / truth[k].focal.x;
+            let clock = found.rig.offsets[k] - OFFSETS[k];
+            println!(
+                "{count} cameras, {k}: {degrees:.2} degrees, {:.1} mm, focal {:+.1} %, clock {:.1} ms; noise {:.1} mm",
+                1e3 * metres,
+                1e2 * (zoom - 1.0),
+                1e3 * clock,
+                1e3 * found.noise,
+            );
+            let is_near = degrees < 1.5 && metres < 0.02 && (zoom - 1.0).abs() < 0.05 && clock.abs() < 0.004;
+            wrong.extend((!is_near).then(|| format!("{count} cameras, camera {k}")));
+        }
+    }
+    assert!(wrong.is_empty(), "{wrong:?}");
+}
+
+#[test]
+fn a_known_rig_keeps_its_place_and_tells_the_hands_size() {
+    let lengths = lengths_of(&hand()).unwrap();
+    let truth = cameras(2);
+    let tracks = tracks(&truth, &[30.0], 0.003, 5);
+    // As calibrated with a board whose squares, 43 mm long, are the unit.
+    let mut squares = truth.clone();
+    squares.iter_mut().for_each(|camera| camera.translation /= 0.043);
+    let found = solve(&tracks, &lenses(&squares), Known::AllButTheUnit, &lengths).unwrap();
+    let length = hand_length(&std::array::from_fn(|k| lengths[k] * found.rig.bones[k].exp())) * found.rig.size;
+    let unit = hand_length(&lengths) / length;
+    println!("one unit is {:.2} mm", 1e3 * unit);
+    assert!((unit / 0.043 - 1.0).abs() < 0.03);
+    let found = solve(&tracks, &lenses(&truth), Known::All, &lengths).unwrap();
+    assert_eq!(found.rig.cameras, truth);
+    assert!((found.rig.size - 1.0).abs() < 0.1 && (found.rig.offsets[1] - OFFSETS[1]).abs() < 0.003);
+    assert!(hand_length(&lengths) > 0.16);
+    let moments = moments(&tracks, &lenses(&truth), &found.rig.offsets, &tracks[0].times);
+    assert!(moments.iter().filter(|moment| moment.iter().all(Option::is_some)).count() > 300);
+}
