@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use crate::ffmpeg::PipedFilm;
 use crate::film_options::FilmOptions;
 use crate::format::FilmFormat;
 use crate::gif::GifFilm;
+use crate::piped_film::PipedFilm;
 use crate::{Picture, PictureError};
 
 /// Duration of one turn around a hand or scene that does not move, seconds, if there are enough pictures.

@@ -18,7 +18,9 @@ mod format;
 mod gif;
 mod picture;
 mod picture_error;
+mod piped_film;
 mod series;
+mod video;
 
 pub use background::{Background, parse_background};
 pub use destination::Destination;
@@ -27,3 +29,4 @@ pub use format::{Format, StillFormat};
 pub use picture::{Picture, write_png};
 pub use picture_error::PictureError;
 pub use series::{Series, Shot};
+pub use video::{Video, VideoOptions};

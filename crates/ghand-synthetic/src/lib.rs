@@ -10,11 +10,15 @@
 //! forearm (`hand/forearm.rs`), as in photographs.
 
 mod errors;
+pub mod footage;
 pub mod hand;
 mod images;
 pub mod make_capture;
+pub mod make_footage;
+mod new_folder;
 mod noise;
 mod normal;
+mod rasteriser;
 mod skin;
 #[cfg(test)]
 mod tests;
@@ -27,7 +31,6 @@ use ghand_capture::capture::{Capture, CaptureError, Frame, HandModelSource, Imag
 use ghand_capture::interhand::{rename_as_interhand, write_annotations};
 use ghand_core::mesh::Texture;
 use ghand_core::{Camera, HandModel, Pose, Side};
-use ghand_files::temporary::{Registered, Temporary};
 use ghand_hand_model::HandModelError;
 use ghand_hand_model::builtin::builtin_hand;
 use ghand_hand_model::files::mano::{in_mano_layout, write_mano};
@@ -37,10 +40,11 @@ use errors::poses::{PoseErrors, biased, noisy};
 use hand::finger_play::{FingerPlay, Frames};
 use hand::mirror::mirrored_pose;
 use hand::random_shape::random_hand;
-use hand::true_hand::TrueHand;
+use hand::true_hand::{Detail, TrueHand};
 use hand::{anatomy, forearm, trajectory};
 use images::camera_placement;
 use images::draw::draw;
+use new_folder::{check_is_new, make_folder};
 
 /// The layout of a synthetic capture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -267,53 +271,33 @@ pub type RenderScene<'a> = dyn FnMut(&SceneMesh, &Camera) -> Result<Vec<[u8; 4]>
 /// [`CaptureError`] if the options are unusable, `out_dir` is not empty or cannot be written, or `render` fails.
 pub fn generate(options: &SyntheticOptions, out_dir: &Path, render: &mut RenderScene) -> Result<(), CaptureError> {
     check(options, out_dir)?;
-    let io = |action: &'static str| {
-        move |source| CaptureError::Io {
-            path: out_dir.into(),
-            action,
-            source,
-            remedy: "check that its parent folder is writable and has free space",
-        }
-    };
-    let parent = match out_dir.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent,
-        _ => Path::new("."),
-    };
-    std::fs::create_dir_all(parent).map_err(io("create the folder"))?;
-    let workshop =
-        tempfile::Builder::new().prefix(".synthetic-").tempdir_in(parent).map_err(io("create the folder"))?;
-    let _known = Registered::new(Temporary::Folder(workshop.path().into()));
+    make_folder(out_dir, |workshop| draw_capture(options, out_dir, workshop, render))
+}
 
+/// Makes the capture that will be called `out_dir` in the folder `workshop`.
+fn draw_capture(
+    options: &SyntheticOptions,
+    out_dir: &Path,
+    workshop: &Path,
+    render: &mut RenderScene,
+) -> Result<(), CaptureError> {
     let model_error = |source| CaptureError::HandModel { path: out_dir.into(), source };
     let templates = Templates::of(options).map_err(model_error)?;
     let true_hand = true_hand(options).map_err(model_error)?;
-    let mut capture = plan(options, templates, &true_hand, workshop.path());
+    let mut capture = plan(options, templates, &true_hand, workshop);
     match options.format {
         CaptureFormat::Ghand => {
             draw(&capture, &true_hand, options, render)?;
-            capture.save()?;
+            capture.save()
         }
         CaptureFormat::InterHand => {
             rename_as_interhand(&mut capture);
             draw(&capture, &true_hand, options, render)?;
-            write_mano(&workshop.path().join(HAND_MODEL_FILE), &capture.hand_model).map_err(model_error)?;
+            write_mano(&workshop.join(HAND_MODEL_FILE), &capture.hand_model).map_err(model_error)?;
             let poses = capture.truth.iter().flatten().flatten();
-            write_annotations(&capture, &poses.map(|pose| true_hand.landmarks(pose)).collect::<Vec<_>>())?;
+            write_annotations(&capture, &poses.map(|pose| true_hand.landmarks(pose)).collect::<Vec<_>>())
         }
     }
-
-    // A rename replaces an empty folder on Unix only.
-    if out_dir.exists() {
-        std::fs::remove_dir(out_dir).map_err(io("replace the empty folder"))?;
-    }
-    // Temporary folders are private; the capture should not be.
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt;
-        std::fs::set_permissions(workshop.path(), std::fs::Permissions::from_mode(0o755))
-            .map_err(io("create the folder"))?;
-    }
-    std::fs::rename(workshop.path(), out_dir).map_err(io("move the capture to its folder"))
 }
 
 fn check(options: &SyntheticOptions, out_dir: &Path) -> Result<(), CaptureError> {
@@ -361,11 +345,7 @@ fn check(options: &SyntheticOptions, out_dir: &Path) -> Result<(), CaptureError>
             return fail(field, format!("is {value}; give 0 to {most}"));
         }
     }
-    // It should not exist; other errors appear when it is created.
-    if std::fs::read_dir(out_dir).is_ok_and(|mut entries| entries.next().is_some()) {
-        return fail("folder", "is not empty; give another or remove it first".into());
-    }
-    Ok(())
+    check_is_new(out_dir)
 }
 
 /// The template of a format, and the right hand that it is or mirrors: all motions are made for that.
@@ -386,7 +366,12 @@ fn true_hand(options: &SyntheticOptions) -> Result<TrueHand, HandModelError> {
     let person = random_hand(&builtin_hand(Side::Right)?, options.identity, options.bone_spread)?;
     let person = with_joints_of(options.format, person)?;
     if options.forearm {
-        return Ok(TrueHand::with_forearm(forearm::with_forearm(&person)?, options.side, options.identity));
+        return Ok(TrueHand::with_forearm(
+            forearm::with_forearm(&person)?,
+            options.side,
+            options.identity,
+            Detail::Fine,
+        ));
     }
     Ok(TrueHand::new(&person, options.side, options.identity))
 }

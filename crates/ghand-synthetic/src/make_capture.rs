@@ -3,10 +3,11 @@
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use crate::rasteriser::renderer;
 use crate::{SyntheticOptions, generate};
 use ghand_capture::CaptureError;
 use ghand_render::Gpu;
-use ghand_render::mesh::{Light, MeshError, MeshInstance, MeshRenderer, MeshStyle, Shading, Surface};
+use ghand_render::mesh::MeshError;
 
 /// Why a synthetic capture could not be made.
 #[derive(Debug, thiserror::Error)]
@@ -40,24 +41,14 @@ pub fn make_capture_unless(
     folder: &Path,
     stop: &AtomicBool,
 ) -> Result<bool, SyntheticError> {
-    let renderer = MeshRenderer::new(gpu)?;
+    let mut render = renderer(gpu, SUPERSAMPLE)?;
     let mut stopped = false;
     let made = generate(options, folder, &mut |scene, camera| {
         if stop.load(Ordering::Relaxed) {
             stopped = true;
             return Err("stopped".into());
         }
-        let lights = scene.lighting.lights.iter().map(|l| Light { direction: l.direction, color: l.color }).collect();
-        let shading = Shading::Lit { ambient: scene.lighting.ambient, lights, wrap: scene.lighting.wrap };
-        let mesh = MeshInstance {
-            positions: scene.positions,
-            normals: scene.normals,
-            light_visibility: Some(scene.light_visibility),
-            triangles: scene.triangles,
-            surface: Surface::Texture { uvs: scene.uvs, texture: scene.texture },
-        };
-        let style = MeshStyle { supersample: SUPERSAMPLE, shading, wireframe: None };
-        Ok(renderer.render(&mesh, camera, &style).map_err(|e| e.to_string())?.to_straight_rgba8())
+        render(scene, camera)
     });
     match made {
         _ if stopped => Ok(false),

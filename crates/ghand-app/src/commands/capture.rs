@@ -1,5 +1,7 @@
 //! `ghand capture`: makes a synthetic capture with known truth.
 
+mod footage;
+
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -10,6 +12,7 @@ use ghand_files::claim::Claim;
 use ghand_synthetic::make_capture::make_capture;
 use ghand_synthetic::{Backdrop, CaptureFormat, LightSetup, Masks, SyntheticOptions};
 
+use self::footage::FootageArgs;
 use crate::cli::{AdapterArgs, parse_size};
 use crate::say;
 use crate::train_run::interruption::Interruption;
@@ -20,7 +23,7 @@ pub struct MakeCaptureArgs {
     /// Folder to create; must be empty or not exist
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Number of training cameras, on a sphere around the hand [default: 8]
+    /// Number of training cameras, on a sphere around the hand [default: 8], or of cameras that film [default: 4]
     #[arg(long, value_name = "N")]
     views: Option<usize>,
     /// Number of test cameras, between the others [default: 3]
@@ -32,7 +35,7 @@ pub struct MakeCaptureArgs {
     /// Number of test frames, with other poses [default: 6]
     #[arg(long, value_name = "N")]
     test_frames: Option<usize>,
-    /// Size of the images, pixels [default: 192x288]
+    /// Size of the images, pixels [default: 192x288, of footage 640x480]
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     size: Option<[u32; 2]>,
     /// Selects the hand: its proportions and its skin [default: 7]
@@ -88,6 +91,14 @@ pub struct MakeCaptureArgs {
     /// ghand: a capture.json. interhand: the folders and files of InterHand2.6M, with a hand model in MANO's layout
     #[arg(long, value_name = "FORMAT", default_value = "ghand", value_parser = ["ghand", "interhand"])]
     format: String,
+    #[command(flatten)]
+    footage: FootageArgs,
+}
+
+impl MakeCaptureArgs {
+    fn side(&self) -> Side {
+        if self.side == "left" { Side::Left } else { Side::Right }
+    }
 }
 
 /// The kinds of masks by name.
@@ -129,6 +140,9 @@ fn check(args: &MakeCaptureArgs) -> anyhow::Result<()> {
 /// # Errors
 /// An error that names the option or the file and its problem.
 pub fn run(args: &MakeCaptureArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
+    if args.footage.is_wanted() {
+        return args.footage.make(args, adapter);
+    }
     check(args)?;
     let start = Instant::now();
     let defaults = SyntheticOptions::default();
@@ -149,7 +163,7 @@ pub fn run(args: &MakeCaptureArgs, adapter: &AdapterArgs) -> anyhow::Result<()> 
         exposure_noise: args.exposure_noise.unwrap_or(defaults.exposure_noise),
         twist_degrees: args.twist.unwrap_or(defaults.twist_degrees),
         abduction_degrees: args.abduction.unwrap_or(defaults.abduction_degrees),
-        side: if args.side == "left" { Side::Left } else { Side::Right },
+        side: args.side(),
         light: LIGHTS.iter().find(|(name, _)| args.light == *name).map_or(defaults.light, |(_, light)| *light),
         background: if args.background == "clutter" { Backdrop::Clutter } else { Backdrop::Plain },
         forearm: args.forearm,

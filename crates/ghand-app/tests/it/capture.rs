@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use crate::common::{assert_one_sentence, assert_trained, listing, run};
+use crate::common::{assert_one_sentence, assert_trained, listing, run, run_in};
 
 const GHAND: &str = env!("CARGO_BIN_EXE_ghand");
 const TRAIN: &str = env!("CARGO_BIN_EXE_train");
@@ -104,4 +104,22 @@ fn a_capture_that_cannot_be_made_is_one_sentence_and_leaves_no_files() {
     fails(&["--out", "mine"], &["mine", "not empty"]);
     fails(&["--out", "mine/file/a"], &["mine/file"]);
     assert_eq!(std::fs::read(folder.path().join("mine/file")).unwrap(), b"precious");
+}
+
+#[test]
+fn footage_needs_ffmpeg_and_its_own_options() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::create_dir(folder.path().join("bin")).unwrap();
+    let fails = |arguments: &[&str], parts: &[&str]| {
+        let all = [&["capture", "--out", "a"], arguments].concat();
+        let nowhere = folder.path().join("bin");
+        assert_one_sentence(&run_in(GHAND, folder.path(), &all, &[("PATH", nowhere.to_str().unwrap())]), parts);
+    };
+    let missing = ["videos need ffmpeg", "not installed", "apt-get install ffmpeg"];
+    fails(&["--footage", "--size", "64x64", "--seconds", "0.2"], &missing);
+    fails(&["--footage", "--train-frames", "3"], &["--footage", "--train-frames"]);
+    fails(&["--footage", "--moving", "--views", "2"], &["--moving", "--views"]);
+    fails(&["--seconds", "3"], &["--footage"]);
+    fails(&["--footage", "--size", "65x64"], &["65 x 64", "even"]);
+    assert_eq!(listing(folder.path()), ["bin"]);
 }

@@ -115,6 +115,15 @@ fn read(path: &Path) -> Result<(Vec<LensCamera>, BTreeMap<String, ColorMap>), Ca
     Ok((cameras, colors))
 }
 
+/// Writes cameras with their lenses to a file that [`read_cameras`] reads.
+///
+/// # Errors
+/// [`CaptureError::Io`] if it cannot be written; an earlier file is then unchanged.
+pub fn write_cameras(path: &Path, cameras: &[LensCamera]) -> Result<(), CaptureError> {
+    let cameras = cameras.iter().map(|lens| CameraFile::of(&lens.camera, lens.distortion)).collect();
+    write_json(path, &CameraList { pixel_center: None, cameras, colors: BTreeMap::new() })
+}
+
 impl Capture {
     /// Writes the capture's cameras, and the corrections of their colours, to a file that [`read_cameras`] reads.
     ///
@@ -192,6 +201,15 @@ mod tests {
         let error = read(&format!("{{\"cameras\":[{}]}}", CAMERA.replace("[100,", "[-100,"))).unwrap_err();
         assert!(error.contains("cameras[\"a\"].intrinsics"), "{error}");
         assert!(read("{}").is_err());
+    }
+
+    #[test]
+    fn cameras_are_read_as_they_were_written() {
+        let written = read(&format!("{{\"cameras\":[{CAMERA}]}}")).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("cameras.json");
+        write_cameras(&path, &written).unwrap();
+        assert_eq!(read_cameras(&path).unwrap(), written);
     }
 
     #[test]

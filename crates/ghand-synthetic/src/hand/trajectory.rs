@@ -155,19 +155,27 @@ pub fn natural_motion(model: &HandModel, count: usize, seed: u64) -> Vec<Pose> {
     trajectory(&Anatomy::of(model), model.joint_count(), count, seed)
 }
 
+/// Hand shapes, one after the other, and what is between them.
+pub(crate) struct Gestures(Vec<Gesture>);
+
+impl Gestures {
+    /// Random variants of the well-known shapes in their order, from the shape `first` on.
+    pub(crate) fn random(anatomy: &Anatomy, first: usize, count: usize, rng: &mut ChaCha8Rng) -> Gestures {
+        Gestures((first..first + count).map(|i| Gesture::random(anatomy, i, rng)).collect())
+    }
+
+    /// The pose a part `t` of the way from one shape to the next.
+    pub(crate) fn pose(&self, anatomy: &Anatomy, joint_count: usize, shape: usize, t: f64) -> Pose {
+        let key = |i: usize| &self.0[(shape + i).saturating_sub(1).min(self.0.len() - 1)];
+        Gesture::between([key(0), key(1), key(2), key(3)], t).pose(anatomy, joint_count)
+    }
+}
+
 /// A smooth trajectory of `count` frames through hand shapes, about three frames from one to the next.
 pub(crate) fn trajectory(anatomy: &Anatomy, joint_count: usize, count: usize, seed: u64) -> Vec<Pose> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let keys = count.div_ceil(3) + 3;
-    let keys: Vec<Gesture> = (0..keys).map(|i| Gesture::random(anatomy, i, &mut rng)).collect();
-    (0..count)
-        .map(|frame| {
-            let segment = frame / 3;
-            let t = (frame % 3) as f64 / 3.0;
-            let key = |i: usize| &keys[(segment + i).saturating_sub(1).min(keys.len() - 1)];
-            Gesture::between([key(0), key(1), key(2), key(3)], t).pose(anatomy, joint_count)
-        })
-        .collect()
+    let gestures = Gestures::random(anatomy, 0, count.div_ceil(3) + 3, &mut rng);
+    (0..count).map(|frame| gestures.pose(anatomy, joint_count, frame / 3, (frame % 3) as f64 / 3.0)).collect()
 }
 
 /// `count` single poses, mixtures of two hand shapes each, which are not on any trajectory of [`trajectory`].

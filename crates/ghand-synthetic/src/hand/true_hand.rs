@@ -21,9 +21,23 @@ use crate::skin::complexion::Complexion;
 use crate::skin::folds::{Bend, Fold, Folds, bent};
 use crate::skin::{Look, Skin};
 
-/// Number of subdivisions of the template's mesh: folds need edges of less than a millimetre, and the template's are
-/// 3.6 mm long.
-const SUBDIVISIONS: usize = 3;
+/// How often the template's mesh is subdivided, whose edges are 3.6 mm long.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Detail {
+    /// Edges of less than half a millimetre, which folds need.
+    Fine,
+    /// Edges of about a millimetre: as fine as the pixels of videos, and four times as fast.
+    Film,
+}
+
+impl Detail {
+    fn subdivisions(self) -> usize {
+        match self {
+            Detail::Fine => 3,
+            Detail::Film => 2,
+        }
+    }
+}
 
 /// The true hand, ready to be posed.
 pub(crate) struct TrueHand {
@@ -60,22 +74,22 @@ impl TrueHand {
     /// [`random_hand`]: super::random_shape::random_hand
     pub(crate) fn new(hand: &HandModel, side: Side, seed: u64) -> TrueHand {
         let whole = hand.without_blend_shapes();
-        TrueHand::grown(whole, hand.vertices.len(), side, seed)
+        TrueHand::grown(whole, hand.vertices.len(), side, seed, Detail::Fine)
     }
 
     /// The same of a right hand with its forearm.
-    pub(crate) fn with_forearm(hand: HandWithForearm, side: Side, seed: u64) -> TrueHand {
-        let grown = TrueHand::grown(hand.model, hand.hand_vertices, side, seed);
+    pub(crate) fn with_forearm(hand: HandWithForearm, side: Side, seed: u64, detail: Detail) -> TrueHand {
+        let grown = TrueHand::grown(hand.model, hand.hand_vertices, side, seed, detail);
         let sources = grown.mesh.source_vertices.iter();
         let on_forearm = sources.map(|&v| grown.model.vertices[v as usize].y > hand.end).collect();
         TrueHand { on_forearm, ..grown }
     }
 
-    fn grown(mut model: HandModel, coarse_vertices: usize, side: Side, seed: u64) -> TrueHand {
+    fn grown(mut model: HandModel, coarse_vertices: usize, side: Side, seed: u64, detail: Detail) -> TrueHand {
         // The skin's seed continues from this one.
         let seed = seed & (u64::MAX >> 1);
         let anatomy = Anatomy::of(&model);
-        for _ in 0..SUBDIVISIONS {
+        for _ in 0..detail.subdivisions() {
             model = subdivided(&model);
         }
         let complexion = Complexion::of(seed);
@@ -126,22 +140,45 @@ impl TrueHand {
 
     /// The hand in a pose. `wrist` rotates its forearm, if it has one, against a right hand; axis-angle, radians.
     pub(crate) fn pose(&self, pose: &Pose, wrist: DVec3) -> PosedTrueHand {
-        let mut pose = self.as_right_hand(pose);
-        if let Some(forearm) = pose.rotations.last_mut().filter(|_| !self.on_forearm.is_empty()) {
-            *forearm = wrist;
-        }
-        let pose = &pose;
+        let pose = &self.as_bent_right_hand(pose, wrist);
         let bend = Bend::of(&self.anatomy, pose);
         let positions = pose_vertices(&self.model, &self.rest_with_folds(&bend), pose);
         let normals = self.model.vertex_normals(&positions);
         let light_visibility = self.light_visibility.of(&self.model, pose, &positions, &normals);
-        let gathered = |vectors: &[DVec3]| self.mesh.gather(vectors).into_iter().map(|v| self.placed(v)).collect();
         PosedTrueHand {
-            positions: gathered(&positions),
-            normals: gathered(&normals),
+            positions: self.gathered(&positions),
+            normals: self.gathered(&normals),
             light_visibility: self.mesh.source_vertices.iter().map(|&v| light_visibility[v as usize]).collect(),
             texture: self.atlas.texture(&bend, &self.complexion),
         }
+    }
+
+    /// Rows and columns of the texture.
+    pub(crate) fn texture_size(&self) -> u32 {
+        Atlas::SIZE as u32
+    }
+
+    /// The positions of [`TrueHand::pose`] alone.
+    pub(crate) fn positions(&self, pose: &Pose, wrist: DVec3) -> Vec<DVec3> {
+        let pose = &self.as_bent_right_hand(pose, wrist);
+        let bend = Bend::of(&self.anatomy, pose);
+        self.gathered(&pose_vertices(&self.model, &self.rest_with_folds(&bend), pose))
+    }
+
+    /// Where points at rest are that move with the last joint, the forearm's if there is one; world, metres.
+    pub(crate) fn moved_with_forearm(&self, rest: &[DVec3], pose: &Pose, wrist: DVec3) -> Vec<DVec3> {
+        let pose = &self.as_bent_right_hand(pose, wrist);
+        let motions = pose_skeleton(&self.model.parents, &self.model.joints, &pose.rotations).posed_from_rest;
+        let moved = |point: &DVec3| motions.last().map_or(*point, |motion| motion.apply(*point)) + pose.translation;
+        rest.iter().map(|point| self.placed(moved(point))).collect()
+    }
+
+    /// Joints of the posed hand in the model's order, without the forearm's; world, metres.
+    pub(crate) fn joints(&self, pose: &Pose) -> Vec<DVec3> {
+        let pose = &self.as_right_hand(pose);
+        let motions = pose_skeleton(&self.model.parents, &self.model.joints, &pose.rotations).posed_from_rest;
+        let count = self.model.joint_count() - usize::from(!self.on_forearm.is_empty());
+        (0..count).map(|k| self.placed(motions[k].apply(self.model.joints[k]) + pose.translation)).collect()
     }
 
     /// Some of the posed hand's vertices, a few millimetres apart; world, metres.
@@ -154,12 +191,11 @@ impl TrueHand {
 
     /// Joints of the posed hand, in the model's order, then the tips of its fingers, in that of the anatomy; world, metres.
     pub(crate) fn landmarks(&self, pose: &Pose) -> Landmarks {
+        let joints = self.joints(pose);
         let pose = &self.as_right_hand(pose);
         let motions = pose_skeleton(&self.model.parents, &self.model.joints, &pose.rotations).posed_from_rest;
-        let count = self.model.joint_count() - usize::from(!self.on_forearm.is_empty());
-        let joints = (0..count).map(|k| motions[k].apply(self.model.joints[k]));
         let tips = self.anatomy.fingers.iter().map(|f| motions[f.joints[2]].apply(f.points[3]));
-        let mut points = joints.chain(tips).map(|p| self.placed(p + pose.translation));
+        let mut points = joints.into_iter().chain(tips.map(|p| self.placed(p + pose.translation)));
         std::array::from_fn(|_| points.next().unwrap_or_default())
     }
 
@@ -171,6 +207,20 @@ impl TrueHand {
         };
         pose.rotations.resize(self.model.joint_count(), DVec3::ZERO);
         pose
+    }
+
+    /// The same with the forearm, if there is one, rotated by `wrist`, axis-angle, radians.
+    fn as_bent_right_hand(&self, pose: &Pose, wrist: DVec3) -> Pose {
+        let mut pose = self.as_right_hand(pose);
+        if let Some(forearm) = pose.rotations.last_mut().filter(|_| !self.on_forearm.is_empty()) {
+            *forearm = wrist;
+        }
+        pose
+    }
+
+    /// Vectors of the model's vertices at those of the render mesh, on the hand's side.
+    fn gathered(&self, vectors: &[DVec3]) -> Vec<DVec3> {
+        self.mesh.gather(vectors).into_iter().map(|vector| self.placed(vector)).collect()
     }
 
     /// Where a point or direction of the posed right hand is on the hand.

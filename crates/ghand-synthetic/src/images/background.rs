@@ -30,11 +30,10 @@ const SIZES: [f64; 2] = [0.06, 0.30];
 pub(crate) fn clutter(camera: &Camera, index: usize, seed: u64) -> Vec<DVec3> {
     let seed = seed ^ 0xDE5C ^ ((index as u64) << 32);
     let width = f64::from(camera.width);
-    let things: Vec<Thing> = (0..COUNT).map(|k| Thing::drawn(k, seed, f64::from(camera.height) / width)).collect();
+    let things = Things::scattered(COUNT, DVec2::new(1.0, f64::from(camera.height) / width), seed);
     let pixel = |i: u32| {
         let place = DVec2::new(f64::from(i % camera.width) + 0.5, f64::from(i / camera.width) + 0.5) / width;
-        // The uppermost one hides the others.
-        let color = things.iter().rev().find_map(|thing| thing.color(place)).unwrap_or_else(|| wood(place, seed));
+        let color = things.color(place).unwrap_or_else(|| wood(place, seed));
         // Light falls off towards one side, and every surface is a little uneven.
         let light = 1.05 - 0.3 * place.x + 0.05 * fractal(place.extend(3.0), 0.03, seed);
         (color * light).clamp(DVec3::ZERO, DVec3::ONE)
@@ -42,11 +41,27 @@ pub(crate) fn clutter(camera: &Camera, index: usize, seed: u64) -> Vec<DVec3> {
     (0..camera.width * camera.height).map(pixel).collect()
 }
 
-fn wood(place: DVec2, seed: u64) -> DVec3 {
+/// Display colour of a wooden plate. Its grain is 0.06 wide and long in the first direction.
+pub(crate) fn wood(place: DVec2, seed: u64) -> DVec3 {
     // Grain is long in one direction.
     let along = DVec3::new(place.x * 0.12, place.y, 0.5);
     let grain = 0.5 + 0.5 * fractal(along, 0.06, seed);
     DVec3::from(WOOD).lerp(DVec3::from(GRAIN), grain * grain)
+}
+
+/// Things that lie on a plane, one over the other.
+pub(crate) struct Things(Vec<Thing>);
+
+impl Things {
+    /// Things with extents of 0.06 to 0.3, with their middles between the origin and `area`.
+    pub(crate) fn scattered(count: i64, area: DVec2, seed: u64) -> Things {
+        Things((0..count).map(|k| Thing::drawn(k, seed, area)).collect())
+    }
+
+    /// Display colour of the uppermost thing at a place, if there is any.
+    pub(crate) fn color(&self, place: DVec2) -> Option<DVec3> {
+        self.0.iter().rev().find_map(|thing| thing.color(place))
+    }
 }
 
 /// A rectangle or an ellipse of one colour, perhaps with stripes.
@@ -62,11 +77,11 @@ struct Thing {
 }
 
 impl Thing {
-    fn drawn(k: i64, seed: u64, height: f64) -> Thing {
+    fn drawn(k: i64, seed: u64, area: DVec2) -> Thing {
         let draw = |what: i64| lattice(k, what, 11, seed);
         let half = DVec2::new(draw(0), draw(1)).map(|part| 0.5 * (SIZES[0] + (SIZES[1] - SIZES[0]) * part));
         Thing {
-            middle: DVec2::new(draw(2), draw(3) * height),
+            middle: DVec2::new(draw(2), draw(3)) * area,
             along: DVec2::from_angle(draw(4) * std::f64::consts::TAU),
             half,
             is_round: draw(5) < 0.4,

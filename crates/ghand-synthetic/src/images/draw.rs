@@ -4,15 +4,15 @@ use std::path::Path;
 
 use ghand_capture::capture::{Capture, CaptureError, fill_template};
 use ghand_core::Camera;
-use ghand_core::mesh::Texture;
 use ghand_files::atomic_file::write_atomically;
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
 
 use super::background::clutter;
 use super::cast_shadow::{add_shadow, plant_light};
+use super::labels::hand_alone;
 use super::lighting::lighting;
 use crate::errors::exposures::exposures;
 use crate::errors::masks::MaskErrors;
@@ -104,7 +104,7 @@ impl Shot<'_> {
         };
         let colors: Vec<u8> = pixels.iter().zip(self.background).flat_map(over_background).collect();
         let covered = if self.masks == Masks::Hand && !self.hand.on_forearm.is_empty() {
-            self.hand_alone(&scene, render)?
+            hand_alone(&scene, &self.hand.on_forearm, |labels| self.rendered(labels, render))?
         } else {
             pixels.iter().map(|p| p[3] >= 128).collect()
         };
@@ -129,27 +129,10 @@ impl Shot<'_> {
         }
         Ok(pixels)
     }
-
-    /// Whether each pixel shows the hand and not its forearm: from a picture of a white hand with a black forearm.
-    fn hand_alone(&self, scene: &SceneMesh, render: &mut RenderScene) -> Result<Vec<bool>, CaptureError> {
-        let texture = Texture { width: 2, height: 1, rgb: vec![[255; 3], [0; 3]] };
-        let uvs: Vec<DVec2> =
-            self.hand.on_forearm.iter().map(|on| DVec2::new(if *on { 0.75 } else { 0.25 }, 0.5)).collect();
-        let lighting = SceneLighting { ambient: DVec3::ONE, lights: vec![], wrap: 0.0 };
-        let light_visibility = vec![1.0; uvs.len()];
-        let labels = SceneMesh {
-            uvs: &uvs,
-            texture: &texture,
-            lighting: &lighting,
-            light_visibility: &light_visibility,
-            ..*scene
-        };
-        Ok(self.rendered(&labels, render)?.iter().map(|pixel| pixel[3] >= 128 && pixel[0] >= 128).collect())
-    }
 }
 
 /// Writes a JPEG if the path says so, else a PNG.
-fn write_image(
+pub(crate) fn write_image(
     path: &Path,
     what: &'static str,
     pixels: &[u8],

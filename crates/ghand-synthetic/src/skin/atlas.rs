@@ -26,6 +26,9 @@ pub(crate) struct Atlas {
 }
 
 impl Atlas {
+    /// Rows and columns of its texture.
+    pub(crate) const SIZE: usize = SIZE;
+
     /// `normals` and `finger_weights` are those of the model's vertices.
     pub(crate) fn new(
         model: &HandModel,
