@@ -9,4 +9,5 @@ pub mod inspect;
 pub mod pose;
 pub mod render;
 pub mod splat;
+pub mod track;
 pub mod train;

@@ -53,7 +53,7 @@ pub struct PoseReadingArgs {
     pub(crate) fps: Option<f64>,
 }
 
-fn parse_side(text: &str) -> Result<Side, String> {
+pub(crate) fn parse_side(text: &str) -> Result<Side, String> {
     match text {
         "left" => Ok(Side::Left),
         "right" => Ok(Side::Right),

@@ -1,12 +1,24 @@
 //! Landmarks of a hand in images of calibrated cameras, and the hand that fits them.
 //!
 //! [`fit_hand`] fits one hand, with one shape and one set of bone lengths, and its pose at every moment: what
-//! [`crate::read_poses`] does with a file of such landmarks.
+//! [`crate::read_poses`] does with a file of such landmarks. [`read_image_landmarks`] reads them from files of many
+//! trackers.
+
+mod arrays;
+pub(crate) mod files;
+mod joint_names;
+mod mediapipe;
+mod openpose;
+mod tables;
+#[cfg(test)]
+mod tests;
+mod view;
 
 use ghand_capture::cameras::list::LensCamera;
 use ghand_core::{Camera, HandModel, Pose};
 use glam::{DVec2, DVec3};
 
+pub use self::files::{ImageLandmarks, read_image_landmarks};
 use crate::PoseError;
 pub use crate::ik::LANDMARK_COUNT;
 use crate::ik::person::camera_freedom::CameraFreedom;

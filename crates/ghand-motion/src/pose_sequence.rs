@@ -11,7 +11,7 @@
 //! | joints of WebXR or OpenXR | JSON, JSON Lines, `.npz`, `.npy` | [`xr`] |
 //! | bodies of SAM 3D Body, for their hands | JSON, `.npz`, `.pkl`, `.pt` | [`sam_3d_body`] |
 //! | MediaPipe's world landmarks | JSON, JSON Lines, `.npz`, `.pkl` | [`landmarks`] |
-//! | landmarks in images of calibrated cameras | JSON, JSON Lines | [`image_landmarks`] |
+//! | landmarks in images of calibrated cameras | JSON, JSON Lines; of other trackers: [`crate::image_landmarks`] | [`image_landmarks`] |
 //! | arrays of MANO's rotations or of landmarks, FreiHAND | JSON, JSON Lines, `.npz`, `.npy` | [`plain`] |
 //!
 //! Any of them may be inside `{"right": ..}` or `{"left": ..}`. [`crate::retarget`] transfers rotations of another
@@ -33,6 +33,7 @@ use ghand_files::value::Value;
 use glam::{DMat3, DQuat, DVec3};
 
 use crate::PoseError;
+use crate::image_landmarks::files::{is_table, surely_of_images};
 use crate::rest_skeleton::RestSkeleton;
 use formats::{ghand, ho3d, image_landmarks, landmarks, mano, plain, sam_3d_body, xr};
 pub(crate) use reading::recording::{Motion, Recording};
@@ -133,8 +134,35 @@ pub fn read_poses_and_fit(
     model: &HandModel,
     options: &PoseOptions,
 ) -> Result<(PoseSequence, Option<LandmarkFit>), PoseError> {
+    if let Some(found) = other_trackers(path, model, options) {
+        return found;
+    }
     let (path, value) = folder::read(path)?;
     poses_and_fit(&path.display().to_string(), &value, model, options)
+}
+
+/// Poses from landmarks in images that another tracker wrote, if there are cameras; `None` for files of other kinds.
+fn other_trackers(
+    path: &Path,
+    model: &HandModel,
+    options: &PoseOptions,
+) -> Option<Result<(PoseSequence, Option<LandmarkFit>), PoseError>> {
+    if options.cameras.is_empty() {
+        let text =
+            "is a table of landmarks in the pixels of images, which need their cameras; give them with --cameras";
+        let origin = path.display().to_string();
+        let refused = || PoseError::Invalid { origin, field: "content".into(), problem: text.into() };
+        return is_table(path).then(|| Err(refused()));
+    }
+    let ids: Vec<String> = options.cameras.iter().map(|lens| lens.camera.id.clone()).collect();
+    let side = options.side.unwrap_or(model.side);
+    let found = surely_of_images(path, &ids, side)?;
+    Some(found.and_then(|found| {
+        let value = image_landmarks::to_value(&found.frames, found.fps, side, found.tip_inset);
+        let (mut sequence, fit) = poses_and_fit(&path.display().to_string(), &value, model, options)?;
+        sequence.warnings.splice(0..0, found.remarks);
+        Ok((sequence, fit))
+    }))
 }
 
 /// Reads the bytes of a file as [`read_poses`] does. `origin` is the file's name, for messages; it is opened again only

@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand};
 use ghand_app::cli::{self, AdapterArgs};
-use ghand_app::commands::{bake, capture, evaluate, export, import, inspect, pose, render, splat};
+use ghand_app::commands::{bake, capture, evaluate, export, import, inspect, pose, render, splat, track};
 
 /// Work with animatable hand avatars
 #[derive(Debug, Parser)]
@@ -36,6 +36,8 @@ enum Command {
     Inspect(inspect::InspectArgs),
     /// Render pictures or a film of a scene of Gaussians (.ply), and the gradient of its pixels
     Splat(splat::SplatArgs),
+    /// Find hands in a video or in pictures, and write their landmarks
+    Track(track::TrackArgs),
     #[command(hide = true)]
     Ablate(Moved),
     #[command(hide = true)]
@@ -73,6 +75,7 @@ fn main() -> ExitCode {
         Command::Pose(args) => pose::run(args, &arguments.adapter),
         Command::Inspect(args) => inspect::run(args, &arguments.adapter),
         Command::Splat(args) => splat::run(args, &arguments.adapter),
+        Command::Track(args) => track::run(args),
         Command::Ablate(args) => args.refused("ablate"),
         Command::Bench(args) => args.refused("bench"),
         Command::Explain(args) => args.refused("explain"),

@@ -38,6 +38,7 @@ mod render;
 #[cfg(unix)]
 mod resume;
 mod splat;
+mod track;
 mod train;
 #[cfg(unix)]
 mod train_run;

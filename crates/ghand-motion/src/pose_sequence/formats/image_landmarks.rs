@@ -10,6 +10,7 @@
 //! Landmarks of fingertips are taken for MediaPipe's, which lie inside the finger, unless the file has `"tips":"skin"`.
 
 use ghand_core::Side;
+use ghand_files::npz::NumericArray;
 use ghand_files::value::Value;
 use glam::DVec2;
 
@@ -21,16 +22,33 @@ use crate::pose_sequence::{Motion, PoseError, Recording, Skipped, Source};
 
 const NAMES: [&str; 2] = ["image_landmarks", "imageLandmarks"];
 
-pub(crate) fn read(source: &Source, value: &Value) -> Option<Result<Recording, PoseError>> {
-    let find = |value: &Value| NAMES.iter().any(|name| value.get(name).is_some());
-    if find(value) {
-        return Some(recording(source, value, std::slice::from_ref(value)));
-    }
-    let frames = frames_of(value)?;
-    frames.iter().any(find).then(|| recording(source, value, frames))
+/// The content of such a file.
+pub(crate) struct OwnLandmarks {
+    pub side: Option<Side>,
+    /// How far landmarks of fingertips lie before the ends of the fingers, metres.
+    pub tip_inset: f64,
+    pub frames: Vec<ImageFrame>,
 }
 
-fn recording(source: &Source, value: &Value, frames: &[Value]) -> Result<Recording, PoseError> {
+pub(crate) fn read(source: &Source, value: &Value) -> Option<Result<Recording, PoseError>> {
+    let found = frames(source.origin, value)?;
+    Some(found.map(|OwnLandmarks { side, tip_inset, frames }| {
+        let motion = Motion::ImageLandmarks { frames, tip_inset };
+        Recording { side, usual_fps: None, motion, skipped: Skipped::default(), warnings: vec![] }
+    }))
+}
+
+/// The frames of such a file; `None` for another kind. `origin` is the file's name, for messages.
+pub(crate) fn frames(origin: &str, value: &Value) -> Option<Result<OwnLandmarks, PoseError>> {
+    let find = |value: &Value| NAMES.iter().any(|name| value.get(name).is_some());
+    if find(value) {
+        return Some(landmarks(origin, value, std::slice::from_ref(value)));
+    }
+    let frames = frames_of(value)?;
+    frames.iter().any(find).then(|| landmarks(origin, value, frames))
+}
+
+fn landmarks(origin: &str, value: &Value, frames: &[Value]) -> Result<OwnLandmarks, PoseError> {
     let tip_inset = match value.get("tips") {
         None => MEDIAPIPE_TIP_INSET,
         Some(tips) if tips.text() == Some("inside") => MEDIAPIPE_TIP_INSET,
@@ -40,21 +58,48 @@ fn recording(source: &Source, value: &Value, frames: &[Value]) -> Result<Recordi
                 "is {}; give \"skin\" for landmarks at the ends of the fingers, or \"inside\" for MediaPipe's",
                 shown(tips)
             );
-            return Err(source.invalid("tips", problem));
+            return Err(invalid(origin, "tips", problem));
         }
     };
     let side = side(value).or_else(|| frames.iter().find_map(side));
-    let frames = frames.iter().enumerate().map(|(number, frame)| image_frame(source, frame, number));
-    let frames = frames.collect::<Result<Vec<ImageFrame>, PoseError>>()?;
-    let motion = Motion::ImageLandmarks { frames, tip_inset };
-    Ok(Recording { side, usual_fps: None, motion, skipped: Skipped::default(), warnings: vec![] })
+    let frames = frames.iter().enumerate().map(|(number, frame)| image_frame(origin, frame, number));
+    Ok(OwnLandmarks { side, tip_inset, frames: frames.collect::<Result<_, PoseError>>()? })
+}
+
+fn invalid(origin: &str, field: &str, problem: String) -> PoseError {
+    PoseError::Invalid { origin: origin.into(), field: field.into(), problem }
+}
+
+/// A file of these frames.
+pub(crate) fn to_value(frames: &[ImageFrame], fps: Option<f64>, side: Side, tip_inset: f64) -> Value {
+    let text = |text: &str| Value::Text(text.into());
+    let numbers = |values: Vec<f64>, shape: Vec<usize>| Value::Numbers(NumericArray { shape, values });
+    let point = |point: &Option<ImagePoint>| match point {
+        Some(ImagePoint { at, score }) => numbers(vec![at.x, at.y, *score], vec![3]),
+        None => Value::Nothing,
+    };
+    let view = |(id, points): &(String, [Option<ImagePoint>; LANDMARK_COUNT])| {
+        (id.clone(), Value::List(points.iter().map(point).collect()))
+    };
+    let frame = |frame: &ImageFrame| {
+        let cameras = Value::Map(frame.cameras.iter().map(view).collect());
+        Value::Map(vec![("id".into(), text(&frame.id)), (NAMES[0].into(), cameras)])
+    };
+    let tips = if tip_inset == 0.0 { "skin" } else { "inside" };
+    let mut file = vec![
+        ("side".to_owned(), text(if side == Side::Left { "left" } else { "right" })),
+        ("tips".to_owned(), text(tips)),
+        ("frames".to_owned(), Value::List(frames.iter().map(frame).collect())),
+    ];
+    file.extend(fps.map(|fps| ("fps".to_owned(), numbers(vec![fps], vec![]))));
+    Value::Map(file)
 }
 
 fn side(value: &Value) -> Option<Side> {
     ["side", "handedness"].iter().find_map(|name| side_of(value.get(name)?))
 }
 
-fn image_frame(source: &Source, frame: &Value, number: usize) -> Result<ImageFrame, PoseError> {
+fn image_frame(origin: &str, frame: &Value, number: usize) -> Result<ImageFrame, PoseError> {
     let id = id_of(frame, number);
     let field = format!("frames[{id:?}].image_landmarks");
     let mut cameras = vec![];
@@ -63,7 +108,7 @@ fn image_frame(source: &Source, frame: &Value, number: usize) -> Result<ImageFra
         Some(Value::Map(entries)) => {
             for (camera, points) in entries.iter().filter(|(_, points)| *points != Value::Nothing) {
                 let points = image_points(points);
-                let points = points.map_err(|problem| source.invalid(&format!("{field}[{camera:?}]"), problem))?;
+                let points = points.map_err(|problem| invalid(origin, &format!("{field}[{camera:?}]"), problem))?;
                 cameras.push((camera.clone(), points));
             }
         }
@@ -72,7 +117,7 @@ fn image_frame(source: &Source, frame: &Value, number: usize) -> Result<ImageFra
                 "is {}, must be a map from the cameras' ids to {LANDMARK_COUNT} points each, {{\"cam0\":[[x,y], ...]}}",
                 other.kind()
             );
-            return Err(source.invalid(&field, problem));
+            return Err(invalid(origin, &field, problem));
         }
     }
     Ok(ImageFrame { id, cameras })
@@ -104,6 +149,8 @@ fn image_point(item: &Value) -> Result<Option<ImagePoint>, String> {
         _ => item.numbers().map(|array| array.values.clone()).unwrap_or_default(),
     };
     let (at, score) = match numbers[..] {
+        // Among nothing but missing points, `null` is read as NaN.
+        [number] if number.is_nan() => return Ok(None),
         [x, y] => (DVec2::new(x, y), 1.0),
         [x, y, score] => (DVec2::new(x, y), score),
         _ => return Err(format!("is {}, not a point: give [x, y] or [x, y, score]", item.kind())),

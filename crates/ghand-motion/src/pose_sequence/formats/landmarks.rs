@@ -32,7 +32,8 @@ const NAMES: [&str; 7] = [
 /// Landmarks in the picture, as fractions of its width and height.
 pub(crate) const IMAGE_NAMES: [&str; 5] =
     ["landmarks", "hand_landmarks", "handLandmarks", "multi_hand_landmarks", "multiHandLandmarks"];
-const SIDE_NAMES: [&str; 6] = ["handedness", "handednesses", "multi_handedness", "multiHandedness", "side", "hand"];
+pub(crate) const SIDE_NAMES: [&str; 6] =
+    ["handedness", "handednesses", "multi_handedness", "multiHandedness", "side", "hand"];
 
 /// How far MediaPipe's landmarks of fingertips lie before the end of the finger, metres. On 179 fingers that stand clear
 /// in images of a real hand (two cameras, 64 frames) the outline is 5.7 to 9.4 mm (quartiles by finger) further along
@@ -61,13 +62,13 @@ pub(crate) fn read(source: &Source, value: &Value) -> Option<Result<Recording, P
     }
     if frames.iter().any(|frame| find(frame, &IMAGE_NAMES).is_some()) {
         let problem = "are those of the image, which have no scale; record the world landmarks (worldLandmarks) beside them, or \
-             give those of calibrated cameras as image_landmarks, with the cameras";
+             give the calibrated cameras with --cameras";
         return Some(Err(source.invalid("landmarks", problem.into())));
     }
     None
 }
 
-fn find<'a>(value: &'a Value, names: &[&str]) -> Option<&'a Value> {
+pub(crate) fn find<'a>(value: &'a Value, names: &[&str]) -> Option<&'a Value> {
     names.iter().find_map(|name| value.get(name))
 }
 
@@ -86,7 +87,7 @@ fn hands(frame: &Value) -> Hands {
 }
 
 /// The sides named in a value at any depth, in order.
-fn all_sides(value: &Value) -> Vec<Side> {
+pub(crate) fn all_sides(value: &Value) -> Vec<Side> {
     match value {
         Value::Text(_) => side_of(value).into_iter().collect(),
         Value::List(items) => items.iter().flat_map(all_sides).collect(),

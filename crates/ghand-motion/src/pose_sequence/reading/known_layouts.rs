@@ -89,9 +89,8 @@ fn is_list_of(value: &Value, names: &[&str], count: usize) -> bool {
     lists.into_iter().any(|list| matches!(list, Value::List(items) if items.len() == count))
 }
 
-const OPENPOSE: &str = "is OpenPose's, keypoints in the pixels of one image, which have no depth; give those of calibrated \
-                        cameras: `{\"image_landmarks\": {\"CAMERA\": numpy.reshape(person[\"hand_right_keypoints_2d\"], (21, \
-                        3)).tolist()}}` for each frame, with --cameras; the order of the points is the same";
+const OPENPOSE: &str = "is OpenPose's, keypoints in the pixels of images, which have no depth; give their calibrated cameras \
+                        with --cameras, and the folder of its *_keypoints.json, or one folder for each camera in one folder";
 const WHOLE_BODY: &str = "has the 133 keypoints of COCO-WholeBody, whose hands are keypoints 91 to 111 (left) and 112 to 132 \
                           (right); if they are metres, write `{\"side\": \"right\", \"world_landmarks\": keypoints[112:133]}` \
                           for each frame, if they are pixels of calibrated cameras, `image_landmarks`";

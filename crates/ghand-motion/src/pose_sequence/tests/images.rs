@@ -251,3 +251,36 @@ fn landmarks_in_memory_give_the_hand_of_a_file_and_its_distances_in_pixels() {
     let error = fit_hand(&frames, &cameras()[..1], &model, 0.0).unwrap_err().to_string();
     assert!(error.contains("\"right\"") && error.contains("they are left"), "{error}");
 }
+
+#[test]
+fn other_trackers_landmarks_with_cameras_give_the_poses_of_ghands_own() {
+    let model = builtin_hand(Side::Right).unwrap();
+    let given = file(&some_poses(&model), &model);
+    let folder = tempfile::tempdir().unwrap();
+    for (number, frame) in given["frames"].as_array().unwrap().iter().enumerate() {
+        for id in ["left", "right"] {
+            let points = frame["image_landmarks"][id].as_array().unwrap();
+            let numbers: Vec<f64> =
+                points.iter().flat_map(|p| [p[0].as_f64().unwrap(), p[1].as_f64().unwrap(), 1.0]).collect();
+            let people = json!({"version": 1.3, "people": [{"hand_right_keypoints_2d": numbers}]});
+            std::fs::create_dir_all(folder.path().join(id)).unwrap();
+            let name = format!("{id}/a_{number:012}_keypoints.json");
+            std::fs::write(folder.path().join(name), people.to_string()).unwrap();
+        }
+    }
+    let (own, _) = poses_and_fit("f", &value(&given), &model, &options()).unwrap();
+    let (found, fit) = read_poses_and_fit(folder.path(), &model, &options()).unwrap();
+    assert_eq!(fit.unwrap().cameras.len(), 2);
+    let poses = |sequence: &PoseSequence| sequence.frames.iter().map(|frame| frame.pose.clone()).collect::<Vec<_>>();
+    assert_eq!(poses(&found), poses(&own));
+    // Places in metres stay what they are, with cameras and without.
+    let metres = json!({"world_landmarks": vec![vec![[0.1, 0.2, 0.3]; 21]; 2]});
+    let path = folder.path().join("metres.json");
+    std::fs::write(&path, metres.to_string()).unwrap();
+    let problem = |options: &PoseOptions| read_poses(&path, &model, options).unwrap_err().to_string();
+    assert_eq!(problem(&options()), problem(&PoseOptions::default()));
+    let table = folder.path().join("table.csv");
+    std::fs::write(&table, "scorer,a,a\nbodyparts,wrist,wrist\ncoords,x,y\n0,1,2\n").unwrap();
+    let error = read_poses(&table, &model, &PoseOptions::default()).unwrap_err().to_string();
+    assert!(error.contains("table.csv") && error.contains("--cameras"), "{error}");
+}

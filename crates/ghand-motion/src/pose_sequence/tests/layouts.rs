@@ -358,9 +358,9 @@ fn known_layouts_that_are_not_read_are_named_with_what_converts_them() {
         (
             json!({"version": 1.3, "people": [{"pose_keypoints_2d": [1, 2, 0.5], "hand_right_keypoints_2d": vec![1.0; 63]}]}),
             "OpenPose",
-            "image_landmarks",
+            "--cameras",
         ),
-        (json!([{"people": [{"hand_left_keypoints_2d": vec![1.0; 63]}]}]), "OpenPose", "image_landmarks"),
+        (json!([{"people": [{"hand_left_keypoints_2d": vec![1.0; 63]}]}]), "OpenPose", "--cameras"),
         (json!({"keypoints": vec![vec![[0.1, 0.2, 0.3]; 133]; 2]}), "COCO-WholeBody", "keypoints[112:133]"),
         (
             json!({"annotations": [{"righthand_kpts": vec![1.0; 63], "lefthand_kpts": vec![1.0; 63]}]}),
@@ -377,7 +377,7 @@ fn known_layouts_that_are_not_read_are_named_with_what_converts_them() {
             "Leap Motion",
             "world_landmarks",
         ),
-        (json!({"version": 1.3, "people": []}), "OpenPose", "image_landmarks"),
+        (json!({"version": 1.3, "people": []}), "OpenPose", "--cameras"),
         (json!([{"tracking_frame_id": 1, "hands": [{"digits": []}]}]), "Leap Motion", "world_landmarks"),
         (
             json!([{"timestamp_ns": 1, "hand_poses": {"1": {"wrist_xform": {"q_wxyz": [1, 0, 0, 0]}, "pose": vec![0.1; 15]}}}]),
