@@ -6,14 +6,14 @@ use ghand_render::mesh::{Light, MeshError, MeshInstance, MeshRenderer, MeshStyle
 
 use crate::SceneMesh;
 
+/// Colours of a scene's pixels, row by row, or why there are none.
+type Pixels = Result<Vec<[u8; 4]>, String>;
+
 /// Draws scenes as [`RenderScene`](crate::RenderScene) does, with so many samples per pixel along each axis.
 ///
 /// # Errors
 /// [`MeshError`] if the device rejects the shaders.
-pub(crate) fn renderer(
-    gpu: &Gpu,
-    supersample: u32,
-) -> Result<impl FnMut(&SceneMesh, &Camera) -> Result<Vec<[u8; 4]>, String>, MeshError> {
+pub(crate) fn renderer(gpu: &Gpu, supersample: u32) -> Result<impl FnMut(&SceneMesh, &Camera) -> Pixels, MeshError> {
     let renderer = MeshRenderer::new(gpu)?;
     Ok(move |scene: &SceneMesh, camera: &Camera| {
         let lights = scene.lighting.lights.iter().map(|l| Light { direction: l.direction, color: l.color }).collect();
