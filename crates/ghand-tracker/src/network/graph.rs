@@ -14,7 +14,7 @@ const LARGEST_TENSOR: usize = 1 << 22;
 const MOST_NUMBERS: usize = 1 << 26;
 
 /// Most multiplications of a run: ten times those of MediaPipe's palm network.
-const MOST_WORK: usize = 8_000_000_000;
+const MOST_WORK: u64 = 8_000_000_000;
 
 /// Most dimensions of a tensor.
 const MOST_DIMENSIONS: usize = 6;
@@ -155,7 +155,7 @@ struct Reader {
     /// Numbers of weights so far.
     copied: usize,
     /// Multiplications so far.
-    work: usize,
+    work: u64,
 }
 
 impl Reader {
@@ -343,7 +343,7 @@ impl Reader {
     }
 
     fn add_work(&mut self, outputs: usize, multiplications: usize) -> Result<(), TrackerError> {
-        self.work = self.work.saturating_add(outputs.saturating_mul(multiplications));
+        self.work = self.work.saturating_add((outputs as u64).saturating_mul(multiplications as u64));
         if self.work > MOST_WORK {
             return Err(wrong(format!("needs more than {MOST_WORK} multiplications")));
         }

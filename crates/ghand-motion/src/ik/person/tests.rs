@@ -233,7 +233,8 @@ fn cameras_come_back_together_with_the_hand() {
             "person {seed}: turn {turn:.2}, place {place:.2} degrees, focals {zooms:.3?}, at first {:?}",
             angle(&start)
         );
-        assert!(turn < 0.5 && place < 1.0 && zooms.iter().all(|zoom| zoom.abs() < 0.03), "{turn} {place} {zooms:?}");
+        // At first the second camera is turned by 6.4 degrees, and focal lengths are 5 and 8 % off.
+        assert!(turn < 1.0 && place < 1.0 && zooms.iter().all(|zoom| zoom.abs() < 0.04), "{turn} {place} {zooms:?}");
         assert!(fit.cameras[0].center().distance(truth[0].center()) < 1e-9);
     }
 }
