@@ -33,6 +33,7 @@ pub use cameras::calibration::Calibration;
 use cameras::calibration::FrameViews;
 pub use cameras::odd::OddCamera;
 pub use cameras::time_offsets::TimeOffset;
+use cameras::unknowns::Part;
 use frame::{FrameEquations, Rig};
 use ghand_core::pose_error::moving_joints;
 use outlines::contour::Edges;
@@ -206,12 +207,17 @@ pub fn align(
     Ok(aligned)
 }
 
-/// The cameras of a capture of which only landmarks of the hand tell where they are and how they focus, refined by the
-/// contours in the images of a split. The lengths of all that they see stay open: only proportions are told.
+/// The cameras of a capture of which only landmarks of the hand tell where they are, and their focal lengths if
+/// `focals_are_known` is not set, refined by the contours in the images of a split. The lengths of all that they see stay open: only proportions are told.
 ///
 /// # Errors
 /// As of [`align`].
-pub fn refine_rough_cameras(capture: &Capture, split: &Split) -> Result<Vec<Camera>, AlignmentError> {
+pub fn refine_rough_cameras(
+    capture: &Capture,
+    split: &Split,
+    focals_are_known: bool,
+) -> Result<Vec<Camera>, AlignmentError> {
+    let parts = if focals_are_known { &[Part::Extrinsics][..] } else { &[Part::Extrinsics, Part::FocalLength] };
     let fields = DistanceField::of_views(capture, &split.views)?;
     let views = views_of_frames(split, &fields);
     let given: Vec<&Pose> = split.frames.iter().map(|frame| &capture.frames[*frame].pose).collect();
@@ -220,7 +226,7 @@ pub fn refine_rough_cameras(capture: &Capture, split: &Split) -> Result<Vec<Came
     let mut changes = vec![[0.0; cameras::unknowns::NUMBERS]; capture.cameras.len()];
     let mut refined = capture.cameras.clone();
     for _ in 0..ROUGH_CALIBRATIONS {
-        changes = fit.calibrate_roughly(&capture.cameras, &views, changes)?;
+        changes = fit.calibrate_roughly(parts, &capture.cameras, &views, changes)?;
         let moved = capture.cameras.iter().zip(&changes);
         refined = moved.map(|(camera, change)| cameras::unknowns::changed(camera, change)).collect();
         let images = images_of_frames(&refined, split, &fields);

@@ -10,6 +10,8 @@ const MOST_ERROR: f64 = 2.5;
 const LEAST_SHARPNESS: f64 = 0.55;
 /// Frames that are next to each other show the same; chosen ones are at least so far apart, seconds.
 const LEAST_INTERVAL: f64 = 0.1;
+/// Frames to choose from, for each that is to be chosen.
+const ENOUGH: usize = 2;
 /// One chosen frame of so many is held out.
 const HELD_OUT_EVERY: usize = 5;
 
@@ -55,9 +57,9 @@ pub fn choose(candidates: &[Candidate], count: usize) -> Choice {
     let mut errors: Vec<f64> = candidates.iter().map(|frame| frame.error).collect();
     errors.sort_by(f64::total_cmp);
     let most_error = MOST_ERROR * errors.get(errors.len() / 2).copied().unwrap_or(0.0);
-    let most_views = candidates.iter().map(|frame| frame.views).max().unwrap_or(0);
+    let views = views_to_ask(candidates, count);
     let tests: [Test; 5] = [
-        ("the hand is not in the images of all cameras", &|frame| frame.views == most_views),
+        ("too few cameras see the hand", &|frame| frame.views >= views),
         ("the hand reaches over the border of an image", &|frame| frame.is_inside),
         ("the landmarks contradict each other", &|frame| frame.error <= most_error),
         ("the hand moves too fast", &|frame| frame.blur <= MOST_BLUR),
@@ -102,8 +104,53 @@ pub fn choose(candidates: &[Candidate], count: usize) -> Choice {
     Choice { train, test, rejected }
 }
 
+/// In how many cameras' images the hand must be, so that enough frames are left to choose from.
+fn views_to_ask(candidates: &[Candidate], count: usize) -> usize {
+    let most = candidates.iter().map(|frame| frame.views).max().unwrap_or(0);
+    let enough = (ENOUGH * count).min(candidates.len() / 2);
+    let left = |views: usize| candidates.iter().filter(|frame| frame.views >= views).count();
+    (1..=most).rev().find(|views| left(*views) >= enough).unwrap_or(1)
+}
+
 /// How differently the hand is posed and turned: root mean square distance of landmarks from the wrists, metres.
 fn difference(a: &[DVec3; LANDMARKS], b: &[DVec3; LANDMARKS]) -> f64 {
     let squares: f64 = (0..LANDMARKS).map(|k| ((a[k] - a[0]) - (b[k] - b[0])).length_squared()).sum();
     (squares / LANDMARKS as f64).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A frame at a time, with the hand turned by as many radians, in the images of some cameras.
+    fn frame(time: f64, turn: f64, views: usize) -> Candidate {
+        let points = std::array::from_fn(|k| 0.01 * k as f64 * DVec3::new(turn.cos(), turn.sin(), 0.0));
+        Candidate { time, points, error: 0.01, sharpness: 1.0, is_inside: true, blur: 0.0, views }
+    }
+
+    #[test]
+    fn different_frames_are_chosen_and_unusable_ones_counted() {
+        let mut frames: Vec<Candidate> = (0..100).map(|k| frame(f64::from(k) / 30.0, f64::from(k / 10), 2)).collect();
+        frames[3].error = 0.1;
+        frames[4].is_inside = false;
+        frames[5].blur = 0.5;
+        frames[6].sharpness = 0.2;
+        frames[7].views = 1;
+        let choice = choose(&frames, 10);
+        assert_eq!((choice.train.len(), choice.test.len()), (8, 2));
+        // One of each of the ten turns.
+        let mut turns: Vec<usize> = choice.train.iter().chain(&choice.test).map(|k| k / 10).collect();
+        turns.sort_unstable();
+        assert_eq!(turns, (0..10).collect::<Vec<_>>());
+        assert!(choice.rejected.len() == 5 && choice.rejected.iter().all(|(_, count)| *count == 1), "{choice:?}");
+        assert!(choose(&[], 10).train.is_empty());
+    }
+
+    #[test]
+    fn a_camera_that_seldom_sees_the_hand_does_not_decide() {
+        let frames: Vec<Candidate> =
+            (0..100).map(|k| frame(f64::from(k) / 5.0, f64::from(k), if k < 5 { 4 } else { 3 })).collect();
+        let choice = choose(&frames, 20);
+        assert_eq!(choice.train.len() + choice.test.len(), 20);
+    }
 }

@@ -31,6 +31,14 @@ pub enum ImportError {
     /// The tracker refuses a frame.
     #[error(transparent)]
     Tracker(#[from] TrackerError),
+    /// A folder of footage cannot be read.
+    #[error("{}: cannot be read", path.display())]
+    Read {
+        /// The folder.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
     /// A file of the import cannot be written.
     #[error("{}: cannot be written", path.display())]
     Write {

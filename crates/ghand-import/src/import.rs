@@ -108,6 +108,13 @@ pub fn import(options: &ImportOptions, on_progress: &mut OnProgress) -> Result<I
     let model = builtin_hand(side)?;
     let lengths = lengths_of(&model)?;
     let solved = solve(&tracks, &lenses, known, &lengths).map_err(|error| ImportError::Unusable(error.to_string()))?;
+    for (k, source) in sources.iter().enumerate().skip(1).filter(|(k, _)| solved.clocks[*k].is_none()) {
+        remarks.push(format!(
+            "{}: the hand's movements do not tell its clock, which starts from {}'s: they agree too little, or do not show \
+             the same hand at the same time ({:+.3} s found)",
+            source.id, sources[0].id, solved.rig.offsets[k]
+        ));
+    }
     let usual_focals = lenses.iter().map(|lens| lens.camera.focal.x).collect();
     let hand_length = place(&mut lenses, &solved, known, &lengths, options.hand_length, &mut remarks)?;
     tell(on_progress, Step::Poses)?;
@@ -150,7 +157,7 @@ pub fn import(options: &ImportOptions, on_progress: &mut OnProgress) -> Result<I
         tell(on_progress, Step::Contours)?;
         // As read again: with masks that are made.
         let written = Capture::open(&options.out)?;
-        let refined = refine_rough_cameras(&written, written.split("train")?)?;
+        let refined = refine_rough_cameras(&written, written.split("train")?, focals_are_known)?;
         for (lens, camera) in lenses.iter_mut().zip(refined) {
             lens.camera = camera;
         }
@@ -257,6 +264,12 @@ fn place(
     for (lens, camera) in lenses.iter_mut().zip(&rig.cameras) {
         lens.camera = camera.clone();
         lens.camera.translation *= scale;
+    }
+    if known == Known::Nothing && lenses.len() == 1 {
+        remarks.push(
+            "one camera does not tell its focal length: that of most cameras is taken; --cameras gives a calibration"
+                .into(),
+        );
     }
     if known != Known::All && lenses.len() > 1 && hand_length_given.is_none() {
         remarks.push(format!(

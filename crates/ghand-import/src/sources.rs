@@ -41,10 +41,11 @@ pub fn open(paths: &[PathBuf]) -> Result<Vec<Source>, ImportError> {
     Ok(sources)
 }
 
-/// Videos, or folders of pictures, in a folder, by name; empty if one of its entries is neither.
+/// Videos and folders in a folder, by name.
 fn footage_in(folder: &Path) -> Result<Vec<PathBuf>, ImportError> {
     const VIDEOS: [&str; 9] = ["mp4", "mov", "mkv", "avi", "webm", "m4v", "mts", "mpg", "3gp"];
-    let entries = std::fs::read_dir(folder).map_err(ImportError::write(folder))?;
+    let unreadable = |source| ImportError::Read { path: folder.into(), source };
+    let entries = std::fs::read_dir(folder).map_err(unreadable)?;
     let mut found: Vec<PathBuf> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
     let is_video =
         |path: &PathBuf| path.extension().is_some_and(|e| VIDEOS.iter().any(|known| e.eq_ignore_ascii_case(known)));

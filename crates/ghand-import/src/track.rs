@@ -107,12 +107,12 @@ impl Tracking {
         let is_one_hand = several as f64 <= SECOND_HAND * with_hand as f64;
         // One hand alone keeps its side: by all frames together.
         let total: f64 = self.right.iter().map(|(right, frames)| (right - 0.5) * *frames as f64).sum();
-        let is_right = |identity: usize| {
-            let (right, frames) = self.right[identity];
-            if is_one_hand || frames < LEAST_TRACK { total > 0.0 } else { right > 0.5 }
+        let is_right = |identity: u64| {
+            let track = self.right.get(identity as usize).filter(|(_, frames)| !is_one_hand && *frames >= LEAST_TRACK);
+            track.map_or(total > 0.0, |(right, _)| *right > 0.5)
         };
         let sided = |(hand, sharpness): &(TrackedHand, f64)| SidedHand {
-            right: if is_one_hand { total > 0.0 } else { is_right(hand.identity as usize) },
+            right: is_right(hand.identity),
             sighting: Sighting {
                 pixels: hand.landmarks,
                 world: hand.world,

@@ -85,7 +85,7 @@ pub fn run(args: &ImportArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         bail!("--out {}: is not empty, and not the folder of an import; give another one", args.out.display());
     }
     let _claim = Claim::beside(&args.out)?;
-    Interruption::listen("stopped: what was tracked is kept, and the same command goes on")?;
+    Interruption::listen("stopped: what was tracked of whole videos is kept, and the same command goes on")?;
     let start = Instant::now();
     let imported = with_progress(&options)?;
     describe(&imported, start, adapter)

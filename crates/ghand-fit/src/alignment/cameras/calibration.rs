@@ -40,8 +40,6 @@ const CALIBRATED: Deviations = Deviations {
 /// Of cameras that only the landmarks of the hand tell.
 const BY_LANDMARKS: Deviations =
     Deviations { rotation: 3.0_f64.to_radians(), translation: 0.1, focal_length: 0.1, ..CALIBRATED };
-/// What these are wrong by.
-const ROUGH_PARTS: [Part; 2] = [Part::Extrinsics, Part::FocalLength];
 /// Images of a frame that tell something of them.
 const LEAST_ROUGH_CAMERAS: usize = 2;
 /// The combinations that are tried, each after the one before.
@@ -214,10 +212,11 @@ impl Fit<'_> {
         Ok(())
     }
 
-    /// Refines the places and focal lengths of cameras that only landmarks tell, from the present poses and shape on, and
+    /// Refines parts of the calibration of cameras that only landmarks tell, from the present poses and shape on, and
     /// from `changes` of the cameras as `given`.
     pub(crate) fn calibrate_roughly(
         &self,
+        parts: &[Part],
         given: &[Camera],
         views: &[FrameViews],
         changes: Vec<CameraChange>,
@@ -226,7 +225,7 @@ impl Fit<'_> {
         let Some(frames) = chosen_frames(views, LEAST_ROUGH_CAMERAS) else { return Ok(changes) };
         let poses = frames.iter().map(|frame| self.poses[*frame].clone()).collect();
         let problem = Problem { deviations: BY_LANDMARKS, ..Problem::new(self, &shaped, given, views, &frames, None) };
-        Ok(problem.solve(&ROUGH_PARTS, Solution { poses, changes }, &FURTHER_STEPS)?.changes)
+        Ok(problem.solve(parts, Solution { poses, changes }, &FURTHER_STEPS)?.changes)
     }
 }
 
