@@ -14,6 +14,7 @@ pub mod file_kind;
 pub mod format_args;
 pub mod hand_model_args;
 pub mod hand_model_file;
+mod html_page;
 pub mod light_args;
 pub mod lighting;
 pub mod lpips_args;

@@ -9,6 +9,7 @@ use ghand_core::{HandModel, Side};
 use ghand_fit::alignment::refine_rough_cameras;
 use ghand_hand_model::builtin::builtin_hand;
 use ghand_motion::ik::HandIk;
+use ghand_motion::image_landmarks::MEDIAPIPE_TIP_INSET;
 use ghand_motion::{LandmarkFit, RestSkeleton};
 use glam::DVec2;
 
@@ -18,7 +19,7 @@ use crate::choice::{Candidate, Choice, choose};
 use crate::hand::{Hand, UnknownCameras, fit_hand, frame_id};
 use crate::landmarks::{Tracked, track_all};
 use crate::progress::{OnProgress, Progress, Step};
-use crate::rig::lengths::{TIP_INSET, hand_length, lengths_of};
+use crate::rig::lengths::{BONES, hand_length, lengths_of};
 use crate::solve::{Known, Solved, solve};
 use crate::sources::{Source, open};
 use crate::track::Track;
@@ -110,8 +111,8 @@ pub fn import(options: &ImportOptions, on_progress: &mut OnProgress) -> Result<I
     let solved = solve(&tracks, &lenses, known, &lengths).map_err(|error| ImportError::Unusable(error.to_string()))?;
     for (k, source) in sources.iter().enumerate().skip(1).filter(|(k, _)| solved.clocks[*k].is_none()) {
         remarks.push(format!(
-            "{}: the hand's movements do not tell its clock, which starts from {}'s: they agree too little, or do not show \
-             the same hand at the same time ({:+.3} s found)",
+            "{}: the hand's movements agree too little with those in {} to tell its clock; as if both were started together, \
+             landmarks then tell {:+.3} s: look whether the images of a frame show the same moment",
             source.id, sources[0].id, solved.rig.offsets[k]
         ));
     }
@@ -189,7 +190,8 @@ fn side(
     let [own, other] = if side == Side::Right { [right, left] } else { [left, right] };
     if own == 0 {
         let problem = if other > 0 {
-            format!("shows only a {} hand", names(if side == Side::Right { Side::Left } else { Side::Right }))
+            let shown = names(if side == Side::Right { Side::Left } else { Side::Right });
+            format!("shows only a {shown} hand; give --side {shown}, or omit it")
         } else {
             "shows no hand that can be recognised; film the whole hand, near and in good light".into()
         };
@@ -239,15 +241,14 @@ fn place(
     lenses: &mut [LensCamera],
     solved: &Solved,
     known: Known,
-    lengths: &[f64; crate::rig::lengths::BONES.len()],
+    lengths: &[f64; BONES.len()],
     hand_length_given: Option<f64>,
     remarks: &mut Vec<String>,
 ) -> Result<f64, ImportError> {
     let rig = &solved.rig;
-    let own: [f64; crate::rig::lengths::BONES.len()] =
-        std::array::from_fn(|k| lengths[k] * rig.bones[k].exp() * rig.size);
-    let length = hand_length(&own) + TIP_INSET * rig.size;
-    let mean = hand_length(lengths) + TIP_INSET;
+    let own: [f64; BONES.len()] = std::array::from_fn(|k| lengths[k] * rig.bones[k].exp() * rig.size);
+    let length = hand_length(&own) + MEDIAPIPE_TIP_INSET * rig.size;
+    let mean = hand_length(lengths) + MEDIAPIPE_TIP_INSET;
     let wanted = hand_length_given.unwrap_or(mean);
     let scale = match known {
         Known::All => {
@@ -264,6 +265,11 @@ fn place(
     for (lens, camera) in lenses.iter_mut().zip(&rig.cameras) {
         lens.camera = camera.clone();
         lens.camera.translation *= scale;
+    }
+    if hand_length_given.is_some() && (known == Known::All || lenses.len() == 1) {
+        let cause =
+            if lenses.len() == 1 { "one camera's capture has the mean hand" } else { "the calibration is in metres" };
+        remarks.push(format!("--hand-length is not used: {cause}"));
     }
     if known == Known::Nothing && lenses.len() == 1 {
         remarks.push(

@@ -4,7 +4,7 @@ use ghand_capture::cameras::list::LensCamera;
 
 use crate::clocks::{self, ClockOffset};
 use crate::moments::moments;
-use crate::rig::bundle::{Bundle, refine};
+use crate::rig::bundle::refine;
 use crate::rig::equations::first_points;
 use crate::rig::lengths::BONES;
 use crate::rig::start::place_cameras;
@@ -51,10 +51,8 @@ pub struct Solved {
     pub rig: Rig,
     /// Clocks as the movements tell them; `None` for the first camera, and where they do not.
     pub clocks: Vec<Option<ClockOffset>>,
-    /// Noise of a landmark, metres at a hand of mean size.
+    /// Noise of a landmark, metres at a hand of mean size; 0 for a single camera.
     pub noise: f64,
-    /// The refined rig with its uncertainty; `None` for a single camera.
-    pub bundle: Option<Bundle>,
 }
 
 /// Finds what is not known. `lengths` are those of the mean hand.
@@ -73,10 +71,10 @@ pub fn solve(
     let offsets = clocks.iter().map(|clock| clock.map_or(0.0, |clock| clock.seconds)).collect();
     let mut rig = Rig { cameras, size: 1.0, bones: [0.0; BONES.len()], offsets };
     if tracks.len() < 2 {
-        return Ok(Solved { rig, clocks, noise: 0.0, bundle: None });
+        return Ok(Solved { rig, clocks, noise: 0.0 });
     }
     let focals: Vec<f64> = rig.cameras.iter().map(|camera| camera.focal.x).collect();
-    let mut bundle = None;
+    let mut noise = 0.0;
     for round in 0..ROUNDS {
         let seen = common_moments(tracks, lenses, &rig.offsets);
         for camera in 0..tracks.len() {
@@ -102,15 +100,12 @@ pub fn solve(
             size: matches!(known, Known::All | Known::AllButTheUnit),
         };
         let before = rig.offsets.clone();
-        let refined = refine(&rig, &seen, lengths, unknowns, &focals);
-        rig = refined.rig.clone();
-        bundle = Some(refined);
+        (rig, noise) = refine(&rig, &seen, lengths, unknowns, &focals);
         if before.iter().zip(&rig.offsets).all(|(a, b)| (a - b).abs() < SMALL_OFFSET) {
             break;
         }
     }
-    let noise = bundle.as_ref().map_or(0.0, |bundle| bundle.noise);
-    Ok(Solved { rig, clocks, noise, bundle })
+    Ok(Solved { rig, clocks, noise })
 }
 
 /// Moments that two cameras or more see, spread evenly over the footage.

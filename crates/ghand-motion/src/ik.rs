@@ -58,7 +58,7 @@ const BONE_RANGE: (f64, f64) = (0.75, 1.33);
 const FRAMES_FOR_BONES: usize = 10;
 
 /// Pairs of landmarks joined by a bone, starting at the wrist.
-pub(crate) const BONES: [(usize, usize); 20] = [
+pub const BONES: [(usize, usize); 20] = [
     (0, 1),
     (1, 2),
     (2, 3),

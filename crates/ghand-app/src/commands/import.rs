@@ -13,6 +13,7 @@ use ghand_capture::inspection::{CaptureInspection, DEFAULT_SAMPLE};
 use ghand_core::Side;
 use ghand_files::claim::Claim;
 use ghand_fit::alignment::results::review::review;
+use ghand_import::import::USUAL_FRAMES;
 use ghand_import::progress::{Progress, Step};
 use ghand_import::{ImportOptions, Imported, import};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -51,8 +52,8 @@ pub struct ImportArgs {
     #[arg(long, value_name = "SIDE", value_parser = ["right", "left"])]
     side: Option<String>,
     /// How many frames to choose, of which one in five is held out
-    #[arg(long, value_name = "N", default_value_t = ghand_import::import::USUAL_FRAMES)]
-    frames: usize,
+    #[arg(long, value_name = "N", default_value_t = USUAL_FRAMES as u16, value_parser = clap::value_parser!(u16).range(5..))]
+    frames: u16,
 }
 
 /// A length with its unit, in metres.
@@ -78,7 +79,7 @@ pub fn run(args: &ImportArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         cameras: args.cameras.clone(),
         hand_length: args.hand_length,
         side: args.side.as_ref().map(|side| if side == "left" { Side::Left } else { Side::Right }),
-        frames: args.frames,
+        frames: usize::from(args.frames),
         out: args.out.clone(),
     };
     if args.out.exists() && !args.out.join("import").is_dir() && args.out.read_dir()?.next().is_some() {

@@ -1,20 +1,18 @@
 //! `report.html`: a run on one page, without any other file.
 
-use std::io::Cursor;
 use std::path::Path;
 
 use anyhow::Context;
-use base64::Engine;
-use base64::engine::general_purpose::STANDARD;
 use ghand_files::atomic_file::write_atomically;
 use ghand_measure::evaluation::SimilarityMetrics;
 use ghand_train::trainer::simplification::Simplification;
 use ghand_train::{CurvePoint, TrainSettings};
-use image::{ImageFormat, RgbImage};
-use maud::{DOCTYPE, Markup, PreEscaped, html};
+use image::RgbImage;
+use maud::{Markup, PreEscaped, html};
 
 use super::live_files::line_plots;
 use super::metrics::Metrics;
+use crate::html_page::{data_url, html_page};
 
 /// What the page shows.
 pub struct Page<'a> {
@@ -31,18 +29,6 @@ pub struct Page<'a> {
     /// Pictures with their captions.
     pub pictures: Vec<(&'static str, &'a RgbImage)>,
 }
-
-pub(crate) const STYLE: &str = "
-:root { color-scheme: light dark; }
-body { font: 16px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; }
-h1 { font-weight: 600; } h2 { font-weight: 600; margin-top: 2.5rem; }
-table { border-collapse: collapse; } th, td { padding: .3rem .9rem; text-align: right; border-bottom: 1px solid #8884; }
-th:first-child, td:first-child { text-align: left; }
-pre { background: #8882; padding: .8rem 1rem; overflow-x: auto; border-radius: 6px; }
-img, svg { max-width: 100%; height: auto; border-radius: 6px; }
-figure { margin: 1.5rem 0; } figcaption { opacity: .75; font-size: .9rem; }
-.plots { display: grid; gap: 1rem; } .plots svg { background: white; }
-";
 
 /// Writes the page.
 ///
@@ -64,57 +50,47 @@ impl Page<'_> {
         let m = self.metrics;
         let name = self.capture.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
         let changed = self.changed();
-        Ok(html! {
-            (DOCTYPE)
-            html lang="en" {
-                head {
-                    meta charset="utf-8";
-                    meta name="viewport" content="width=device-width, initial-scale=1";
-                    title { "ghand: " (name) }
-                    style { (PreEscaped(STYLE)) }
-                }
-                body {
-                    h1 { "Avatar of " (name) }
-                    p {
-                        (m.gaussians) " Gaussians, model " code { (word(&m.model)) } ", components " code { (word(&m.components)) }
-                        "; " (m.iterations) " iterations in " (format!("{:.0} s", m.seconds))
-                        @if m.stopped_early { " (stopped early)" }
-                        @if m.skipped_steps > 0 { ", of which " (m.skipped_steps) " were skipped: a gradient was not finite" }
-                        "."
-                    }
-                    @if let Some(images) = &m.images {
-                        h2 { "Images that training did not see" }
-                        p { (images.frames) " images of the split " code { (images.split) } ", " (images.protocol.description()) "." }
-                        table {
-                            tr { th { "" } th { "PSNR, dB" } th { "in the hand's square, dB" } th { "on the hand, dB" } th { "SSIM" } }
-                            (row("floor: the textured template", &images.baseline))
-                            (row("avatar", &images.avatar))
-                            @if let Some(given) = &m.given { (row(&format!("avatar, {}", given.protocol.description()), &given.avatar)) }
-                        }
-                    }
-                    @if let Some(simplification) = &m.simplification { (simplification_table(simplification)) }
-                    h2 { "Training" }
-                    div.plots { @for plot in &plots { (PreEscaped(plot)) } }
-                    @if let Some(error) = &m.pose_error_deg {
-                        p { (format!("Pose error {:.2} degrees before, {:.2} after.", error.before, error.after)) }
-                    }
-                    @for (caption, picture) in &pictures {
-                        figure { img src=(picture) alt=(caption); figcaption { (caption) } }
-                    }
-                    h2 { "How it was made" }
-                    pre { (self.command) }
-                    p { "Capture: " code { (self.capture.display().to_string()) } "; preset " code { (m.preset) } "; ghand " (env!("CARGO_PKG_VERSION")) "." }
-                    @if changed.is_empty() { p { "All settings are the defaults." } } @else {
-                        p { "Settings other than the defaults:" }
-                        table {
-                            tr { th { "setting" } th { "value" } th { "default" } }
-                            @for [key, value, default] in &changed { tr { td { code { (key) } } td { (value) } td { (default) } } }
-                        }
-                    }
-                    details { summary { "All settings" } pre { (self.settings.to_toml()) } }
+        let body = html! {
+            h1 { "Avatar of " (name) }
+            p {
+                (m.gaussians) " Gaussians, model " code { (word(&m.model)) } ", components " code { (word(&m.components)) }
+                "; " (m.iterations) " iterations in " (format!("{:.0} s", m.seconds))
+                @if m.stopped_early { " (stopped early)" }
+                @if m.skipped_steps > 0 { ", of which " (m.skipped_steps) " were skipped: a gradient was not finite" }
+                "."
+            }
+            @if let Some(images) = &m.images {
+                h2 { "Images that training did not see" }
+                p { (images.frames) " images of the split " code { (images.split) } ", " (images.protocol.description()) "." }
+                table {
+                    tr { th { "" } th { "PSNR, dB" } th { "in the hand's square, dB" } th { "on the hand, dB" } th { "SSIM" } }
+                    (row("floor: the textured template", &images.baseline))
+                    (row("avatar", &images.avatar))
+                    @if let Some(given) = &m.given { (row(&format!("avatar, {}", given.protocol.description()), &given.avatar)) }
                 }
             }
-        })
+            @if let Some(simplification) = &m.simplification { (simplification_table(simplification)) }
+            h2 { "Training" }
+            div.plots { @for plot in &plots { (PreEscaped(plot)) } }
+            @if let Some(error) = &m.pose_error_deg {
+                p { (format!("Pose error {:.2} degrees before, {:.2} after.", error.before, error.after)) }
+            }
+            @for (caption, picture) in &pictures {
+                figure { img src=(picture) alt=(caption); figcaption { (caption) } }
+            }
+            h2 { "How it was made" }
+            pre { (self.command) }
+            p { "Capture: " code { (self.capture.display().to_string()) } "; preset " code { (m.preset) } "; ghand " (env!("CARGO_PKG_VERSION")) "." }
+            @if changed.is_empty() { p { "All settings are the defaults." } } @else {
+                p { "Settings other than the defaults:" }
+                table {
+                    tr { th { "setting" } th { "value" } th { "default" } }
+                    @for [key, value, default] in &changed { tr { td { code { (key) } } td { (value) } td { (default) } } }
+                }
+            }
+            details { summary { "All settings" } pre { (self.settings.to_toml()) } }
+        };
+        Ok(html_page(&format!("ghand: {name}"), &body))
     }
 
     /// Settings that are not the defaults, with these.
@@ -174,10 +150,4 @@ fn simplification_table(found: &Simplification) -> Markup {
             p { (found.never_shown) " of its Gaussians were removed in the end: no image or other view of the hand shows them." }
         }
     }
-}
-
-pub(crate) fn data_url(picture: &RgbImage) -> anyhow::Result<String> {
-    let mut bytes = Cursor::new(vec![]);
-    picture.write_to(&mut bytes, ImageFormat::Png)?;
-    Ok(format!("data:image/png;base64,{}", STANDARD.encode(bytes.into_inner())))
 }

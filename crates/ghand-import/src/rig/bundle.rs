@@ -37,35 +37,21 @@ const SMALL_CHANGE: f64 = 1e-5;
 const FIRST_DAMPING: f64 = 1e-3;
 const MOST_DAMPING: f64 = 1e6;
 
-/// A refined rig.
-#[derive(Debug, Clone)]
-pub struct Bundle {
-    /// The rig.
-    pub rig: Rig,
-    /// The hand's points at each moment, world; `None` where no camera saw it.
-    pub points: Vec<Option<Points>>,
-    /// Standard deviation of a landmark's coordinate, metres at a hand of mean size.
-    pub noise: f64,
-    /// Standard deviations of what was unknown of each camera: turn (radians), shift (units of the rig), logarithm of the
-    /// focal length, seconds of the clock; 0 for what was known.
-    pub deviations: Vec<[f64; CAMERA_NUMBERS]>,
-}
-
-/// Refines a rig. `focals` are the likeliest focal lengths without any image, pixels.
+/// A refined rig, and the standard deviation of a landmark's coordinate, metres at a hand of mean size. `focals` are the
+/// likeliest focal lengths without any image, pixels.
 pub fn refine(
     rig: &Rig,
     moments: &[Moment],
     lengths: &[f64; BONES.len()],
     unknowns: Unknowns,
     focals: &[f64],
-) -> Bundle {
+) -> (Rig, f64) {
     let active = active(rig, unknowns);
     let seen_at = rig.offsets.clone();
     let mut rig = rig.clone();
     let mut points: Vec<Option<Points>> = moments.par_iter().map(|moment| first_points(moment, &rig.cameras)).collect();
     let mut noise = FIRST_NOISE;
     let mut damping = FIRST_DAMPING;
-    let mut covariance = None;
     for _ in 0..STEPS {
         let scales = scales(&rig, &points);
         let deviation = noise * rig.size;
@@ -102,10 +88,8 @@ pub fn refine(
             None if is_settled => break,
             None => damping = FIRST_DAMPING,
         }
-        covariance = reduced.covariance();
     }
-    let deviations = deviations(rig.cameras.len(), &active, covariance.as_ref());
-    Bundle { rig, points, noise, deviations }
+    (rig, noise)
 }
 
 /// The shared numbers that are unknown.
@@ -245,10 +229,6 @@ impl Reduced {
         let points = self.moments.par_iter().zip(points).map(moved).collect::<Option<Vec<_>>>()?;
         Some((moved_rig(rig, active, &step), points))
     }
-
-    fn covariance(&self) -> Option<DMatrix<f64>> {
-        Some(self.eliminated(0.0)?.0.cholesky()?.inverse())
-    }
 }
 
 fn damped(matrix: &DMatrix<f64>, damping: f64) -> DMatrix<f64> {
@@ -273,14 +253,4 @@ fn moved_rig(rig: &Rig, active: &[usize], step: &DVector<f64>) -> Rig {
         rig.offsets[k] += by[CLOCK];
     }
     rig
-}
-
-fn deviations(cameras: usize, active: &[usize], covariance: Option<&DMatrix<f64>>) -> Vec<[f64; CAMERA_NUMBERS]> {
-    let mut deviations = vec![[0.0; CAMERA_NUMBERS]; cameras];
-    for (row, number) in active.iter().enumerate() {
-        if let (Some(k), Some(covariance)) = (number.checked_sub(FIRST_CAMERA), covariance) {
-            deviations[k / CAMERA_NUMBERS][k % CAMERA_NUMBERS] = covariance[(row, row)].max(0.0).sqrt();
-        }
-    }
-    deviations
 }

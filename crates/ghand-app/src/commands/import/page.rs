@@ -7,10 +7,10 @@ use ghand_files::atomic_file::write_atomically;
 use ghand_import::Imported;
 use ghand_import::track::Track;
 use image::RgbImage;
-use maud::{DOCTYPE, Markup, PreEscaped, html};
+use maud::{Markup, html};
 
 use super::summary::{camera_rows, clock_rows, frame_sentences};
-use crate::train_run::report_page::{STYLE, data_url};
+use crate::html_page::{data_url, html_page};
 
 /// Width and height of a camera's line of time, and its parts' colours.
 const WIDTH: f64 = 900.0;
@@ -48,52 +48,42 @@ impl Page<'_> {
         let sheet = self.sheet.as_ref().map(data_url).transpose()?;
         let name =
             imported.capture.root.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-        Ok(html! {
-            (DOCTYPE)
-            html lang="en" {
-                head {
-                    meta charset="utf-8";
-                    meta name="viewport" content="width=device-width, initial-scale=1";
-                    title { "ghand import: " (name) }
-                    style { (PreEscaped(STYLE)) }
-                }
-                body {
-                    h1 { "Import of " (name) }
-                    pre { (self.command) }
-                    @if !self.notes.is_empty() {
-                        h2 { "What you should know" }
-                        ul { @for note in self.notes { li { (note) } } }
-                    }
-                    h2 { "Cameras" }
-                    (table(&["camera", "images", "hand found", "focal length, px", "angle of view", "from the first one", "landmarks off the hand, px"], &camera_rows(imported)))
-                    @if imported.tracks.len() > 1 {
-                        h2 { "Clocks" }
-                        (table(&["camera", "later than the first one", "in frames", "agreement of the movements"], &clock_rows(imported)))
-                    }
-                    h2 { "Frames" }
-                    @for sentence in frame_sentences(imported) { p { (sentence) } }
-                    div.plots { @for (k, track) in imported.tracks.iter().enumerate() { (self.timeline(k, track)) } }
-                    p {
-                        span style=(format!("color:{FOUND}")) { "■" } " the hand is found  "
-                        span style=(format!("color:{SHARP}")) { "■" } " and sharp  "
-                        span style=(format!("color:{CHOSEN}")) { "■" } " chosen"
-                    }
-                    @if let Some(sheet) = sheet {
-                        h2 { "The hand in some of them" }
-                        figure {
-                            img src=(sheet) alt="images of the capture with the hand model over them";
-                            figcaption { "Each image, and the hand model over it in the pose that was found; training refines poses, proportions and masks." }
-                        }
-                    }
-                    h2 { "To change something" }
-                    p {
-                        "Run the command again with other options; what was tracked is kept. "
-                        code { "--cameras" } " gives a calibration, " code { "--hand-length" } " the unit of length, "
-                        code { "--side" } " the other hand, " code { "--frames" } " their number."
-                    }
+        let body = html! {
+            h1 { "Import of " (name) }
+            pre { (self.command) }
+            @if !self.notes.is_empty() {
+                h2 { "What you should know" }
+                ul { @for note in self.notes { li { (note) } } }
+            }
+            h2 { "Cameras" }
+            (table(&["camera", "images", "hand found", "focal length, px", "angle of view", "from the first one", "landmarks off the hand, px"], &camera_rows(imported)))
+            @if imported.tracks.len() > 1 {
+                h2 { "Clocks" }
+                (table(&["camera", "later than the first one", "in frames", "agreement of the movements"], &clock_rows(imported)))
+            }
+            h2 { "Frames" }
+            @for sentence in frame_sentences(imported) { p { (sentence) } }
+            div.plots { @for (k, track) in imported.tracks.iter().enumerate() { (self.timeline(k, track)) } }
+            p {
+                span style=(format!("color:{FOUND}")) { "■" } " the hand is found  "
+                span style=(format!("color:{SHARP}")) { "■" } " and sharp  "
+                span style=(format!("color:{CHOSEN}")) { "■" } " chosen"
+            }
+            @if let Some(sheet) = sheet {
+                h2 { "The hand in some of them" }
+                figure {
+                    img src=(sheet) alt="images of the capture with the hand model over them";
+                    figcaption { "Each image, and the hand model over it in the pose that was found; training refines poses, proportions and masks." }
                 }
             }
-        })
+            h2 { "To change something" }
+            p {
+                "Run the command again with other options; what was tracked is kept. "
+                code { "--cameras" } " gives a calibration, " code { "--hand-length" } " the unit of length, "
+                code { "--side" } " the other hand, " code { "--frames" } " their number."
+            }
+        };
+        Ok(html_page(&format!("ghand import: {name}"), &body))
     }
 
     fn timeline(&self, camera: usize, track: &Track) -> Markup {

@@ -31,7 +31,7 @@ pub fn clock_rows(imported: &Imported) -> Vec<Vec<String>> {
             imported.sources[k].id.clone(),
             format!("{seconds:+.4} s"),
             format!("{:+.2}", seconds * imported.tracks[k].rate()),
-            solved.clocks[k].map_or("not told: taken as equal".into(), |clock| format!("{:.2}", clock.agreement)),
+            solved.clocks[k].map_or("too little to tell".into(), |clock| format!("{:.2}", clock.agreement)),
         ]
     };
     (1..imported.sources.len()).map(row).collect()
@@ -40,10 +40,11 @@ pub fn clock_rows(imported: &Imported) -> Vec<Vec<String>> {
 /// What was chosen, and what could not be.
 pub fn frame_sentences(imported: &Imported) -> Vec<String> {
     let choice = &imported.choice;
+    let count = |split: &str| imported.capture.splits.get(split).map_or(0, |split| split.frames.len());
     let mut sentences = vec![format!(
         "{} frames to train with and {} held out are chosen of {} with a pose: sharp ones that differ most",
-        choice.train.len(),
-        choice.test.len(),
+        count("train"),
+        count("test"),
         imported.candidates.len()
     )];
     let rejected: Vec<String> = choice.rejected.iter().map(|(reason, n)| format!("{reason} ({n})")).collect();
