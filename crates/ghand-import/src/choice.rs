@@ -28,6 +28,8 @@ pub struct Candidate {
     pub sharpness: f64,
     /// Whether the whole hand is in all images.
     pub is_inside: bool,
+    /// Whether other hands are clear of it in all images.
+    pub is_alone: bool,
     /// How far the hand moves between the moments that its images show, and while each is exposed, relative to its
     /// length.
     pub blur: f64,
@@ -58,9 +60,10 @@ pub fn choose(candidates: &[Candidate], count: usize) -> Choice {
     errors.sort_by(f64::total_cmp);
     let most_error = MOST_ERROR * errors.get(errors.len() / 2).copied().unwrap_or(0.0);
     let views = views_to_ask(candidates, count);
-    let tests: [Test; 5] = [
+    let tests: [Test; 6] = [
         ("too few cameras see the hand", &|frame| frame.views >= views),
         ("the hand reaches over the border of an image", &|frame| frame.is_inside),
+        ("another hand is in front of it or beside it", &|frame| frame.is_alone),
         ("the landmarks contradict each other", &|frame| frame.error <= most_error),
         ("the hand moves too fast", &|frame| frame.blur <= MOST_BLUR),
         ("the image of the hand is blurred", &|frame| frame.sharpness >= LEAST_SHARPNESS),
@@ -125,7 +128,7 @@ mod tests {
     /// A frame at a time, with the hand turned by as many radians, in the images of some cameras.
     fn frame(time: f64, turn: f64, views: usize) -> Candidate {
         let points = std::array::from_fn(|k| 0.01 * k as f64 * DVec3::new(turn.cos(), turn.sin(), 0.0));
-        Candidate { time, points, error: 0.01, sharpness: 1.0, is_inside: true, blur: 0.0, views }
+        Candidate { time, points, error: 0.01, sharpness: 1.0, is_inside: true, is_alone: true, blur: 0.0, views }
     }
 
     #[test]
@@ -136,13 +139,14 @@ mod tests {
         frames[5].blur = 0.5;
         frames[6].sharpness = 0.2;
         frames[7].views = 1;
+        frames[8].is_alone = false;
         let choice = choose(&frames, 10);
         assert_eq!((choice.train.len(), choice.test.len()), (8, 2));
         // One of each of the ten turns.
         let mut turns: Vec<usize> = choice.train.iter().chain(&choice.test).map(|k| k / 10).collect();
         turns.sort_unstable();
         assert_eq!(turns, (0..10).collect::<Vec<_>>());
-        assert!(choice.rejected.len() == 5 && choice.rejected.iter().all(|(_, count)| *count == 1), "{choice:?}");
+        assert!(choice.rejected.len() == 6 && choice.rejected.iter().all(|(_, count)| *count == 1), "{choice:?}");
         assert!(choose(&[], 10).train.is_empty());
     }
 

@@ -3,7 +3,7 @@
 use ghand_capture::cameras::list::LensCamera;
 use ghand_core::{HandModel, Pose};
 use ghand_motion::LandmarkFit;
-use ghand_motion::image_landmarks::{FitOptions, ImageFrame, ImagePoint, MEDIAPIPE_TIP_INSET, fit_hand_with};
+use ghand_motion::image_landmarks::{FitOptions, ImageFrame, ImagePoint, fit_hand_with};
 use glam::DVec3;
 
 use crate::ImportError;
@@ -26,7 +26,8 @@ pub struct Hand {
 /// Fits a hand to what all cameras see at the times of the first one's clock. Where one camera sees it alone, the tracker's
 /// guess of its shape counts, too. Cameras that are only roughly known, with their likeliest focal lengths `usual_focals`,
 /// are fitted with it: first they, then their unit of length, so that the hand is `hand_length` long (metres, from the wrist
-/// to the tip of the middle finger), then the poses.
+/// to the tip of the middle finger), then the poses. Landmarks of fingertips lie `tip_inset` metres before the ends of the
+/// fingers.
 ///
 /// # Errors
 /// If the landmarks are not a hand.
@@ -35,6 +36,7 @@ pub fn fit_hand(
     lenses: &mut [LensCamera],
     offsets: &[f64],
     model: &HandModel,
+    tip_inset: f64,
     unknown: Option<UnknownCameras>,
 ) -> Result<Hand, ImportError> {
     let plain: Vec<LensCamera> =
@@ -47,14 +49,14 @@ pub fn fit_hand(
             focals_are_known: unknown.focals_are_known,
             ..FitOptions::default()
         };
-        let fitted = fit_hand_with(&frames, lenses, model, MEDIAPIPE_TIP_INSET, &options)?;
+        let fitted = fit_hand_with(&frames, lenses, model, tip_inset, &options)?;
         let scale = unknown.hand_length / fitted.report.lengths[1];
         for (lens, camera) in lenses.iter_mut().zip(fitted.cameras) {
             lens.camera = camera;
             lens.camera.translation *= scale;
         }
     }
-    let lengths = lengths_of(model)?;
+    let lengths = lengths_of(model, tip_inset)?;
     let guesses: Vec<Option<[DVec3; LANDMARKS]>> = match lenses {
         [lens] => {
             let scale = guessed_scale(&seen, &lengths);
@@ -63,7 +65,7 @@ pub fn fit_hand(
         _ => vec![],
     };
     let options = FitOptions { guesses: &guesses, ..FitOptions::default() };
-    let fitted = fit_hand_with(&frames, lenses, model, MEDIAPIPE_TIP_INSET, &options)?;
+    let fitted = fit_hand_with(&frames, lenses, model, tip_inset, &options)?;
     if fitted.frames.iter().all(|frame| frame.pose.is_none()) {
         return Err(ImportError::Unusable(
             "in no frame the landmarks are a hand's: cameras or clocks are wrong, or they see different hands".into(),

@@ -5,19 +5,18 @@ use std::path::PathBuf;
 
 use ghand_capture::Capture;
 use ghand_capture::cameras::list::LensCamera;
-use ghand_core::{HandModel, Side};
+use ghand_core::{Camera, Side};
 use ghand_fit::alignment::refine_rough_cameras;
 use ghand_hand_model::builtin::builtin_hand;
-use ghand_motion::ik::HandIk;
+use ghand_motion::LandmarkFit;
 use ghand_motion::image_landmarks::MEDIAPIPE_TIP_INSET;
-use ghand_motion::{LandmarkFit, RestSkeleton};
-use glam::DVec2;
 
 use crate::ImportError;
 use crate::cameras::given_cameras;
+use crate::candidates::{candidates, nearest};
 use crate::choice::{Candidate, Choice, choose};
 use crate::hand::{Hand, UnknownCameras, fit_hand, frame_id};
-use crate::landmarks::{Tracked, track_all};
+use crate::landmarks::{GivenLandmarks, Tracked, track_all};
 use crate::progress::{OnProgress, Progress, Step};
 use crate::rig::lengths::{BONES, hand_length, lengths_of};
 use crate::solve::{Known, Solved, solve};
@@ -35,8 +34,6 @@ const FEW_FRAMES: f64 = 0.5;
 const OTHER_HAND: f64 = 0.1;
 /// A hand this many times the mean hand, or as many times smaller, means a wrong unit of length.
 const LARGEST_SIZE: f64 = 1.6;
-/// Landmarks may be this far outside of an image, relative to its width, where the hand touches its border.
-const BORDER: f64 = 0.005;
 
 /// What to import.
 #[derive(Debug, Clone)]
@@ -46,6 +43,8 @@ pub struct ImportOptions {
     /// A calibration, a file or a folder of any kind that [`ghand_capture`] reads; without it, the hand tells where the
     /// cameras are.
     pub cameras: Option<PathBuf>,
+    /// Landmarks of the hand from another tracker, a file for all cameras or one for each; empty to track it.
+    pub landmarks: Vec<PathBuf>,
     /// From the wrist to the tip of the middle finger, metres, where the cameras' unit of length is not known.
     pub hand_length: Option<f64>,
     /// Which hand; by default the one that is seen most.
@@ -54,6 +53,8 @@ pub struct ImportOptions {
     pub frames: usize,
     /// The folder of the capture.
     pub out: PathBuf,
+    /// Where it is kept what hands were found in the footage.
+    pub work: PathBuf,
 }
 
 /// What was imported, and how sure it is.
@@ -98,16 +99,26 @@ pub fn import(options: &ImportOptions, on_progress: &mut OnProgress) -> Result<I
         remarks.extend(source.footage.remarks().iter().map(|remark| format!("{}: {remark}", source.id)));
     }
     let (mut lenses, known) = given_cameras(&sources, options.cameras.as_deref(), &mut remarks)?;
-    let work = options.out.join("import");
-    fs::create_dir_all(&work).map_err(ImportError::write(&work))?;
-    let tracked = track_all(&sources, &work, on_progress)?;
+    for folder in [&options.out, &options.work] {
+        fs::create_dir_all(folder).map_err(ImportError::write(folder))?;
+    }
+    let given = match &options.landmarks[..] {
+        [] => None,
+        paths => {
+            let cameras: Vec<Camera> = lenses.iter().map(|lens| lens.camera.clone()).collect();
+            let side = options.side.unwrap_or(Side::Right);
+            Some(GivenLandmarks::read(paths, side, &sources, &cameras, &mut remarks)?)
+        }
+    };
+    let tip_inset = given.as_ref().map_or(MEDIAPIPE_TIP_INSET, |given| given.tip_inset);
+    let tracked = track_all(&sources, given.as_ref(), &options.work, on_progress)?;
     let side = side(&sources, &tracked, options.side, &mut remarks)?;
     let tracks: Vec<Track> =
         sources.iter().zip(&tracked).map(|(s, t)| t.hands.track(side, s.footage.times())).collect();
     check_tracks(&sources, &tracks, &mut remarks)?;
     tell(on_progress, Step::Cameras)?;
     let model = builtin_hand(side)?;
-    let lengths = lengths_of(&model)?;
+    let lengths = lengths_of(&model, tip_inset)?;
     let solved = solve(&tracks, &lenses, known, &lengths).map_err(|error| ImportError::Unusable(error.to_string()))?;
     for (k, source) in sources.iter().enumerate().skip(1).filter(|(k, _)| solved.clocks[*k].is_none()) {
         remarks.push(format!(
@@ -117,12 +128,12 @@ pub fn import(options: &ImportOptions, on_progress: &mut OnProgress) -> Result<I
         ));
     }
     let usual_focals = lenses.iter().map(|lens| lens.camera.focal.x).collect();
-    let hand_length = place(&mut lenses, &solved, known, &lengths, options.hand_length, &mut remarks)?;
+    let hand_length = place(&mut lenses, &solved, known, &lengths, tip_inset, options.hand_length, &mut remarks)?;
     tell(on_progress, Step::Poses)?;
     let is_unknown = matches!(known, Known::Nothing | Known::Lenses) && lenses.len() > 1;
     let focals_are_known = known == Known::Lenses;
     let unknown = is_unknown.then_some(UnknownCameras { usual_focals, focals_are_known, hand_length });
-    let mut hand = fit_hand(&tracks, &mut lenses, &solved.rig.offsets, &model, unknown)?;
+    let mut hand = fit_hand(&tracks, &mut lenses, &solved.rig.offsets, &model, tip_inset, unknown)?;
     let candidates = candidates(&tracks, &lenses, &solved.rig.offsets, &model, &hand)?;
     let frames: Vec<Candidate> = candidates.iter().map(|(_, candidate)| candidate.clone()).collect();
     let choice = choose(&frames, options.frames);
@@ -162,10 +173,10 @@ pub fn import(options: &ImportOptions, on_progress: &mut OnProgress) -> Result<I
         for (lens, camera) in lenses.iter_mut().zip(refined) {
             lens.camera = camera;
         }
-        let rough = fit_hand(&tracks, &mut lenses, &solved.rig.offsets, &model, None)?;
+        let rough = fit_hand(&tracks, &mut lenses, &solved.rig.offsets, &model, tip_inset, None)?;
         let scale = hand_length / rough.fit.lengths[1];
         lenses.iter_mut().for_each(|lens| lens.camera.translation *= scale);
-        hand = fit_hand(&tracks, &mut lenses, &solved.rig.offsets, &model, None)?;
+        hand = fit_hand(&tracks, &mut lenses, &solved.rig.offsets, &model, tip_inset, None)?;
         capture = write_capture(&options.out, &lenses, &model, &hand.shape, &frames_in(&hand))?;
     }
     Ok(Imported { capture, sources, tracked, tracks, known, solved, fit: hand.fit, candidates, choice, remarks })
@@ -242,13 +253,14 @@ fn place(
     solved: &Solved,
     known: Known,
     lengths: &[f64; BONES.len()],
+    tip_inset: f64,
     hand_length_given: Option<f64>,
     remarks: &mut Vec<String>,
 ) -> Result<f64, ImportError> {
     let rig = &solved.rig;
     let own: [f64; BONES.len()] = std::array::from_fn(|k| lengths[k] * rig.bones[k].exp() * rig.size);
-    let length = hand_length(&own) + MEDIAPIPE_TIP_INSET * rig.size;
-    let mean = hand_length(lengths) + MEDIAPIPE_TIP_INSET;
+    let length = hand_length(&own) + tip_inset * rig.size;
+    let mean = hand_length(lengths) + tip_inset;
     let wanted = hand_length_given.unwrap_or(mean);
     let scale = match known {
         Known::All => {
@@ -285,81 +297,4 @@ fn place(
         ));
     }
     Ok(wanted)
-}
-
-/// All frames with a pose, with their numbers.
-fn candidates(
-    tracks: &[Track],
-    lenses: &[LensCamera],
-    offsets: &[f64],
-    model: &HandModel,
-    hand: &Hand,
-) -> Result<Vec<(usize, Candidate)>, ImportError> {
-    let ik = HandIk::new(&RestSkeleton::of(model)?);
-    let sharpest: Vec<f64> = tracks.iter().map(sharp_tenth).collect();
-    let mut found = vec![];
-    for residual in &hand.fit.frames {
-        let Some(number) = residual.id.parse::<usize>().ok() else { continue };
-        let Some(pose) = hand.poses.get(number).and_then(Option::as_ref) else { continue };
-        let time = tracks[0].times[number];
-        let mut candidate = Candidate {
-            time,
-            points: ik.landmarks(pose),
-            error: 0.0,
-            sharpness: f64::INFINITY,
-            is_inside: true,
-            blur: 0.0,
-            views: 0,
-        };
-        let mut spans = vec![];
-        for (k, track) in tracks.iter().enumerate() {
-            let image = nearest(track, time + offsets[k]);
-            let Some(sighting) = &track.sightings[image] else { continue };
-            candidate.views += 1;
-            candidate.sharpness = candidate.sharpness.min(sighting.sharpness / sharpest[k].max(1e-12));
-            let camera = &lenses[k].camera;
-            let size = DVec2::new(f64::from(camera.width), f64::from(camera.height));
-            let border = BORDER * size.x;
-            candidate.is_inside &=
-                sighting.pixels.iter().all(|p| p.min_element() > -border && (size - *p).min_element() > -border);
-            let middle = candidate.points[9];
-            let span = camera.focal.x * hand.fit.lengths[1] / camera.camera_from_world(middle).z;
-            spans.push(span);
-            candidate.blur = candidate.blur.max(moved(track, image, time + offsets[k]) / span);
-        }
-        let span = spans.iter().sum::<f64>() / spans.len().max(1) as f64;
-        candidate.error = residual.distances.median / span;
-        if candidate.views > 0 {
-            found.push((number, candidate));
-        }
-    }
-    Ok(found)
-}
-
-/// How many pixels the hand moves between the time of an image and another time of that camera's clock.
-fn moved(track: &Track, image: usize, time: f64) -> f64 {
-    let gap = (time - track.times[image]).abs();
-    let near = |k: Option<usize>| k.and_then(|k| Some((track.times.get(k)?, track.sightings.get(k)?.as_ref()?)));
-    let (Some((at, here)), Some((then, there))) =
-        (near(Some(image)), near(image.checked_sub(1)).or_else(|| near(Some(image + 1))))
-    else {
-        return 0.0;
-    };
-    let way =
-        here.pixels.iter().zip(&there.pixels).map(|(a, b)| a.distance(*b)).sum::<f64>() / here.pixels.len() as f64;
-    way / (at - then).abs().max(1e-6) * gap
-}
-
-/// The sharpness that one image in ten exceeds.
-pub fn sharp_tenth(track: &Track) -> f64 {
-    let mut values: Vec<f64> = track.sightings.iter().flatten().map(|sighting| sighting.sharpness).collect();
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() * 9 / 10).copied().unwrap_or(0.0)
-}
-
-/// The frame whose time is nearest.
-fn nearest(track: &Track, time: f64) -> usize {
-    let after = track.times.partition_point(|t| *t < time).min(track.times.len().saturating_sub(1));
-    let before = after.saturating_sub(1);
-    if (track.times[before] - time).abs() < (track.times[after] - time).abs() { before } else { after }
 }

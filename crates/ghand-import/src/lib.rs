@@ -6,9 +6,10 @@
 //! 2. [`solve`](mod@solve): how the cameras' clocks differ ([`clocks`]) and where the cameras are ([`rig`]), if that is not
 //!    given.
 //! 3. [`hand`]: one hand and all its poses.
-//! 4. [`choice`]: frames that are sharp, sure and different; [`writing`] makes a capture of them.
+//! 4. [`choice`]: of the [`candidates`], frames that are sharp, sure and different; [`writing`] makes a capture of them.
 
 mod cameras;
+pub mod candidates;
 pub mod choice;
 pub mod clocks;
 mod error;

@@ -15,8 +15,8 @@ pub struct Source {
     pub footage: Footage,
 }
 
-/// Opens footage: each path is a video or a folder of pictures of one camera. A single folder that has no pictures but
-/// videos or folders of pictures has one camera in each.
+/// Opens footage: each path is a video or a folder of pictures of one camera. A single folder without pictures has a camera
+/// in each of its videos or, if it has none, in each of its folders of pictures.
 ///
 /// # Errors
 /// If one cannot be read.
@@ -41,7 +41,7 @@ pub fn open(paths: &[PathBuf]) -> Result<Vec<Source>, ImportError> {
     Ok(sources)
 }
 
-/// Videos and folders in a folder, by name.
+/// Videos in a folder or, without any, folders of pictures, by name.
 fn footage_in(folder: &Path) -> Result<Vec<PathBuf>, ImportError> {
     const VIDEOS: [&str; 9] = ["mp4", "mov", "mkv", "avi", "webm", "m4v", "mts", "mpg", "3gp"];
     let unreadable = |source| ImportError::Read { path: folder.into(), source };
@@ -49,7 +49,11 @@ fn footage_in(folder: &Path) -> Result<Vec<PathBuf>, ImportError> {
     let mut found: Vec<PathBuf> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
     let is_video =
         |path: &PathBuf| path.extension().is_some_and(|e| VIDEOS.iter().any(|known| e.eq_ignore_ascii_case(known)));
-    found.retain(|path| path.is_dir() || is_video(path));
     found.sort();
+    let videos: Vec<PathBuf> = found.iter().filter(|path| is_video(path)).cloned().collect();
+    if !videos.is_empty() {
+        return Ok(videos);
+    }
+    found.retain(|path| path.is_dir() && Footage::open(path).is_ok());
     Ok(found)
 }

@@ -24,6 +24,9 @@ pub struct Sighting {
     pub presence: f64,
     /// How sharp the image is at the hand, relative to its contrast; 0 where that is unknown.
     pub sharpness: f64,
+    /// How near a landmark of another hand comes to one of this, pixels; `None` where the image shows no other.
+    #[serde(skip)]
+    pub other_hand: Option<f64>,
 }
 
 /// One hand in the footage of one camera.
@@ -38,7 +41,8 @@ pub struct Track {
 /// All hands of a footage, while it is tracked.
 pub struct Tracking {
     tracker: HandTracker,
-    frames: Vec<Vec<(TrackedHand, f64)>>,
+    /// The hands of each frame, by identity.
+    frames: Vec<Vec<(usize, Sighting)>>,
     /// By identity: the last estimate of how sure it is that this is a right hand, and the number of frames.
     right: Vec<(f64, usize)>,
 }
@@ -88,10 +92,34 @@ impl Tracking {
             }
             let right = if hand.side == Side::Right { hand.side_score } else { 1.0 - hand.side_score };
             self.right[identity] = (right, self.right[identity].1 + 1);
-            let sharp = sharpness(rgb, width as usize, height as usize, &hand.landmarks);
-            frame.push((hand, sharp));
+            let sharpness = sharpness(rgb, width as usize, height as usize, &hand.landmarks);
+            let TrackedHand { landmarks: pixels, world, presence, .. } = hand;
+            frame.push((identity, Sighting { pixels, world, presence, sharpness, other_hand: None }));
         }
         self.frames.push(frame);
+        Ok(())
+    }
+
+    /// Takes the landmarks of a hand of a side in the next frame from elsewhere; `None` if it is not seen.
+    ///
+    /// # Errors
+    /// If the bytes are not an image of that size.
+    pub fn add_given(
+        &mut self,
+        rgb: &[u8],
+        width: u32,
+        height: u32,
+        pixels: Option<&[DVec2; LANDMARKS]>,
+        side: Side,
+    ) -> Result<(), TrackerError> {
+        let seen = |pixels: &[DVec2; LANDMARKS]| -> Result<Sighting, TrackerError> {
+            let world = self.tracker.in_space(rgb, width, height, pixels)?;
+            let sharpness = sharpness(rgb, width as usize, height as usize, pixels);
+            Ok(Sighting { pixels: *pixels, world, presence: 1.0, sharpness, other_hand: None })
+        };
+        let found = pixels.map(seen).transpose()?;
+        self.right = vec![(if side == Side::Right { 1.0 } else { 0.0 }, LEAST_TRACK)];
+        self.frames.push(found.into_iter().map(|sighting| (0, sighting)).collect());
         Ok(())
     }
 
@@ -107,18 +135,13 @@ impl Tracking {
         let is_one_hand = several as f64 <= SECOND_HAND * with_hand as f64;
         // One hand alone keeps its side: by all frames together.
         let total: f64 = self.right.iter().map(|(right, frames)| (right - 0.5) * *frames as f64).sum();
-        let is_right = |identity: u64| {
-            let track = self.right.get(identity as usize).filter(|(_, frames)| !is_one_hand && *frames >= LEAST_TRACK);
+        let is_right = |identity: usize| {
+            let track = self.right.get(identity).filter(|(_, frames)| !is_one_hand && *frames >= LEAST_TRACK);
             track.map_or(total > 0.0, |(right, _)| *right > 0.5)
         };
-        let sided = |(hand, sharpness): &(TrackedHand, f64)| SidedHand {
-            right: is_right(hand.identity),
-            sighting: Sighting {
-                pixels: hand.landmarks,
-                world: hand.world,
-                presence: hand.presence,
-                sharpness: *sharpness,
-            },
+        let sided = |(identity, sighting): &(usize, Sighting)| SidedHand {
+            right: is_right(*identity),
+            sighting: sighting.clone(),
         };
         let hands: Vec<Vec<SidedHand>> = self.frames.iter().map(|frame| frame.iter().map(sided).collect()).collect();
         let count = |right: bool| hands.iter().filter(|frame| frame.iter().any(|hand| hand.right == right)).count();
@@ -146,14 +169,22 @@ impl Hands {
                 None => -hand.sighting.presence,
             };
             let of_side = frame.iter().filter(|hand| hand.right == (side == Side::Right));
-            let found = of_side.min_by(|a, b| off(a).total_cmp(&off(b)))?.sighting.clone();
-            last = Some(middle(&found));
-            Some(found)
+            let own = of_side.min_by(|a, b| off(a).total_cmp(&off(b)))?;
+            last = Some(middle(&own.sighting));
+            let others = frame.iter().filter(|hand| !std::ptr::eq(*hand, own));
+            let other_hand = others.map(|hand| gap(&own.sighting, &hand.sighting)).reduce(f64::min);
+            Some(Sighting { other_hand, ..own.sighting.clone() })
         };
         let mut sightings: Vec<Option<Sighting>> = self.hands.iter().map(pick).collect();
         sightings.truncate(times.len());
         Track { times: times[..sightings.len()].to_vec(), sightings }
     }
+}
+
+/// Distance of the nearest landmarks of two hands, pixels.
+fn gap(a: &Sighting, b: &Sighting) -> f64 {
+    let squared = |a: &DVec2| b.pixels.iter().map(|b| a.distance_squared(*b)).fold(f64::INFINITY, f64::min);
+    a.pixels.iter().map(squared).fold(f64::INFINITY, f64::min).sqrt()
 }
 
 fn middle(sighting: &Sighting) -> DVec2 {

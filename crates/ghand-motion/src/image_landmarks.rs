@@ -48,6 +48,34 @@ pub struct ImagePoint {
     pub score: f64,
 }
 
+/// Landmarks of a hand in an image, pixels of the image as filmed; `None` where one is missing.
+pub type SeenPixels = [Option<DVec2>; LANDMARK_COUNT];
+
+impl ImageLandmarks {
+    /// What each camera saw in each frame; of the cameras, ids and sizes of images count.
+    ///
+    /// # Errors
+    /// [`PoseError`] if a frame has another camera.
+    pub fn by_camera(&self, cameras: &[Camera]) -> Result<Vec<Vec<SeenPixels>>, PoseError> {
+        let lenses: Vec<LensCamera> =
+            cameras.iter().map(|camera| LensCamera { camera: camera.clone(), distortion: None }).collect();
+        let mut all = vec![vec![]; cameras.len()];
+        for frame in seen_by_cameras("landmarks", &self.frames, &lenses)? {
+            for (camera, views) in all.iter_mut().enumerate() {
+                let mut pixels = [None; LANDMARK_COUNT];
+                for sighting in frame.sightings.iter().filter(|sighting| sighting.confidence > 0.0) {
+                    match sighting.place {
+                        SightingPosition::Pixel(of, at) if of == camera => pixels[sighting.landmark] = Some(at),
+                        _ => {}
+                    }
+                }
+                views.push(pixels);
+            }
+        }
+        Ok(all)
+    }
+}
+
 /// A hand that was fitted to the landmarks of all frames.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FittedHand {

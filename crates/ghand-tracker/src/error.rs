@@ -14,6 +14,9 @@ pub enum TrackerError {
         /// Numbers that were given.
         got: usize,
     },
+    /// Landmarks at one point, or not numbers.
+    #[error("landmarks that are to be seen in space are at one point, or no numbers")]
+    Landmarks,
     /// Bytes that are not a picture of the given size.
     #[error("a picture of {width} x {height} pixels in RGB has {expected} bytes, not {got}")]
     Picture {

@@ -122,6 +122,24 @@ impl HandTracker {
         Ok(hands)
     }
 
+    /// The hand whose landmarks are known, in pixels, as the network sees it in space. Does not change what is followed.
+    ///
+    /// # Errors
+    /// If `rgb` is not `width` x `height` x 3 bytes, or the landmarks are no region of a picture.
+    pub fn in_space(
+        &self,
+        rgb: &[u8],
+        width: u32,
+        height: u32,
+        landmarks: &[DVec2; 21],
+    ) -> Result<[DVec3; 21], TrackerError> {
+        let region = Region::from_landmarks(landmarks);
+        if !region.is_usable() {
+            return Err(TrackerError::Landmarks);
+        }
+        Ok(self.landmarks.detect(Picture::new(rgb, width, height)?, &region)?.world)
+    }
+
     /// Looks for a track's hand in its region. Adds it, with the region for the next picture, if it is there and is not
     /// one of those found before.
     fn follow(

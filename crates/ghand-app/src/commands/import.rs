@@ -27,6 +27,8 @@ use crate::train_run::interruption::Interruption;
 
 /// The page of an import, in its folder.
 const PAGE: &str = "import.html";
+/// What is kept from one import to the next, in the folder of `--out`.
+const WORK: &str = "import";
 /// Number of views on it.
 const SHEET_VIEWS: usize = 8;
 /// Without a terminal, a line is printed this often.
@@ -44,12 +46,15 @@ pub struct ImportArgs {
     /// The cameras' calibration; without it the hand itself tells where the cameras are
     #[arg(long, value_name = "FILE")]
     cameras: Option<PathBuf>,
+    /// Landmarks from another tracker, in a file for all cameras or one for each; without them the hand is tracked
+    #[arg(long, value_name = "FILE", num_args = 1..)]
+    landmarks: Vec<PathBuf>,
     /// How long the hand is, from the wrist to the tip of the middle finger, as 186mm, 18.6cm or 0.186m: it gives the unit
     /// of length where the cameras do not [default: the mean of adults]
     #[arg(long, value_name = "LENGTH", value_parser = parse_length)]
     hand_length: Option<f64>,
-    /// Which hand [default: the one that is seen most]
-    #[arg(long, value_name = "SIDE", value_parser = ["right", "left"])]
+    /// Which hand; both are two captures, OUT/right and OUT/left [default: the one that is seen most, right with --landmarks]
+    #[arg(long, value_name = "SIDE", value_parser = ["right", "left", "both"])]
     side: Option<String>,
     /// How many frames to choose, of which one in five is held out
     #[arg(long, value_name = "N", default_value_t = USUAL_FRAMES as u16, value_parser = clap::value_parser!(u16).range(5..))]
@@ -74,22 +79,32 @@ fn parse_length(text: &str) -> Result<f64, String> {
 /// # Errors
 /// One sentence with the cause and the remedy.
 pub fn run(args: &ImportArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
-    let options = ImportOptions {
-        footage: args.footage.clone(),
-        cameras: args.cameras.clone(),
-        hand_length: args.hand_length,
-        side: args.side.as_ref().map(|side| if side == "left" { Side::Left } else { Side::Right }),
-        frames: usize::from(args.frames),
-        out: args.out.clone(),
-    };
-    if args.out.exists() && !args.out.join("import").is_dir() && args.out.read_dir()?.next().is_some() {
+    if args.out.exists() && !args.out.join(WORK).is_dir() && args.out.read_dir()?.next().is_some() {
         bail!("--out {}: is not empty, and not the folder of an import; give another one", args.out.display());
     }
     let _claim = Claim::beside(&args.out)?;
     Interruption::listen("stopped: what was tracked of whole videos is kept, and the same command goes on")?;
-    let start = Instant::now();
-    let imported = with_progress(&options)?;
-    describe(&imported, start, adapter)
+    let captures = match args.side.as_deref() {
+        Some("both") => vec![(Some(Side::Right), args.out.join("right")), (Some(Side::Left), args.out.join("left"))],
+        Some("left") => vec![(Some(Side::Left), args.out.clone())],
+        Some(_) => vec![(Some(Side::Right), args.out.clone())],
+        None => vec![(None, args.out.clone())],
+    };
+    for (side, out) in captures {
+        let start = Instant::now();
+        let options = ImportOptions {
+            footage: args.footage.clone(),
+            cameras: args.cameras.clone(),
+            landmarks: args.landmarks.clone(),
+            hand_length: args.hand_length,
+            side,
+            frames: usize::from(args.frames),
+            out,
+            work: args.out.join(WORK),
+        };
+        describe(&with_progress(&options)?, start, adapter)?;
+    }
+    Ok(())
 }
 
 fn with_progress(options: &ImportOptions) -> anyhow::Result<Imported> {

@@ -2,7 +2,6 @@
 
 use ghand_core::{HandModel, Pose};
 use ghand_motion::ik::{self, HandIk};
-use ghand_motion::image_landmarks::MEDIAPIPE_TIP_INSET;
 use ghand_motion::{PoseError, RestSkeleton};
 use glam::DVec3;
 
@@ -22,16 +21,17 @@ pub const BONES: [(usize, usize); ik::BONES.len() + PALM.len()] = {
     pairs
 };
 
-/// The lengths of [`BONES`] of a model's hand in its mean shape, as the tracker sees them, metres.
+/// The lengths of [`BONES`] of a model's hand in its mean shape, as a tracker sees them whose landmarks of fingertips lie
+/// `tip_inset` before the ends of the fingers, metres.
 ///
 /// # Errors
 /// If the names of the model's joints do not identify their parts.
-pub fn lengths_of(model: &HandModel) -> Result<[f64; BONES.len()], PoseError> {
+pub fn lengths_of(model: &HandModel, tip_inset: f64) -> Result<[f64; BONES.len()], PoseError> {
     let hand = HandIk::new(&RestSkeleton::of(model)?);
     let rest = Pose { rotations: vec![DVec3::ZERO; model.joint_count()], translation: DVec3::ZERO };
     let mut points = hand.landmarks(&rest);
     for tip in (4..LANDMARKS).step_by(4) {
-        points[tip] -= (points[tip] - points[tip - 1]).normalize_or_zero() * MEDIAPIPE_TIP_INSET;
+        points[tip] -= (points[tip] - points[tip - 1]).normalize_or_zero() * tip_inset;
     }
     Ok(BONES.map(|(from, to)| points[from].distance(points[to])))
 }

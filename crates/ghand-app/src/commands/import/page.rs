@@ -88,7 +88,7 @@ impl Page<'_> {
 
     fn timeline(&self, camera: usize, track: &Track) -> Markup {
         let imported = self.imported;
-        let sharp = ghand_import::import::sharp_tenth(track);
+        let sharp = ghand_import::candidates::sharp_tenth(track);
         let count = track.sightings.len().max(1) as f64;
         let width = WIDTH / count;
         let chosen: Vec<usize> = (imported.choice.train.iter().chain(&imported.choice.test))
