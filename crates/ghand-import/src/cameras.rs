@@ -4,6 +4,8 @@ use std::path::Path;
 
 use ghand_capture::cameras::calibration_files::{FoundCalibration, FoundCamera, Projection, read_calibration};
 use ghand_capture::cameras::list::LensCamera;
+use ghand_core::Camera;
+use glam::DVec2;
 
 use crate::ImportError;
 use crate::rig::start::unknown_camera;
@@ -12,6 +14,10 @@ use crate::sources::Source;
 
 /// Sizes of images whose aspects differ by more, relatively, are not the same images scaled.
 const ASPECT_TOLERANCE: f64 = 0.01;
+/// Principal points are at most so far from the middle of images, relative to their size; beyond the second bound they are
+/// of other images.
+const USUAL_OFF_MIDDLE: f64 = 0.12;
+const MOST_OFF_MIDDLE: f64 = 0.3;
 
 /// The cameras of a calibration, for the footage by name, by the number in the name, or in order; or cameras of which
 /// nothing is known.
@@ -51,9 +57,35 @@ pub(crate) fn given_cameras(
             Known::Lenses | Known::Nothing => given.lens_at_origin(camera, [width, height])?,
         };
         lens.camera.id.clone_from(&source.id);
+        check_middle(file, &lens.camera, remarks)?;
         lenses.push(lens);
     }
     Ok((lenses, known))
+}
+
+/// Whether the principal point is near the middle of the images: it tells a calibration of other images that has no size.
+fn check_middle(file: &Path, camera: &Camera, remarks: &mut Vec<String>) -> Result<(), ImportError> {
+    let size = DVec2::new(f64::from(camera.width), f64::from(camera.height));
+    let off = (camera.principal / size - 0.5).abs().max_element();
+    if off < USUAL_OFF_MIDDLE {
+        return Ok(());
+    }
+    let [x, y] = [camera.principal.x, camera.principal.y];
+    let problem = format!(
+        "{}: the principal point of {}, at ({x:.0}, {y:.0}), is far from the middle of its images of {} x {} pixels",
+        file.display(),
+        camera.id,
+        camera.width,
+        camera.height
+    );
+    if off > MOST_OFF_MIDDLE {
+        return Err(ImportError::Unusable(format!(
+            "{problem}: the calibration is of images of another size; give that of these, or images as calibrated"
+        )));
+    }
+    remarks
+        .push(format!("{problem}; was the calibration made with images of another size, or before they were cropped?"));
+    Ok(())
 }
 
 /// For each footage the number of its camera.
@@ -112,7 +144,7 @@ fn scaled(camera: &FoundCamera, size: [u32; 2], id: &str, remarks: &mut Vec<Stri
         "{id}: the calibration for {} x {} pixels is scaled to {} x {}",
         calibrated[0], calibrated[1], size[0], size[1]
     ));
-    let scale = glam::DVec2::new(across, down);
+    let scale = DVec2::new(across, down);
     let projection = Projection::Pixels { focal: focal * scale, principal: principal * scale };
     Some(FoundCamera { size: Some(size), projection, ..camera.clone() })
 }

@@ -13,6 +13,8 @@ use crate::track::Track;
 
 /// Landmarks may be this far outside of an image, relative to its width, where the hand touches its border.
 const BORDER: f64 = 0.005;
+/// Images are taken at most this long before or after the moment that they stand for, in frames.
+const MOST_OFF: f64 = 0.75;
 /// Landmarks of another hand are at least this far away, relative to the hand's length: as far as masks are searched.
 const CLEAR: f64 = 0.15;
 
@@ -46,7 +48,7 @@ pub fn candidates(
         };
         let mut spans = vec![];
         for (k, track) in tracks.iter().enumerate() {
-            let image = nearest(track, time + offsets[k]);
+            let Some(image) = image_at(track, time + offsets[k]) else { continue };
             let Some(sighting) = &track.sightings[image] else { continue };
             candidate.views += 1;
             candidate.sharpness = candidate.sharpness.min(sighting.sharpness / sharpest[k].max(1e-12));
@@ -91,9 +93,12 @@ pub fn sharp_tenth(track: &Track) -> f64 {
     values.get(values.len() * 9 / 10).copied().unwrap_or(0.0)
 }
 
-/// The frame whose time is nearest.
-pub fn nearest(track: &Track, time: f64) -> usize {
-    let after = track.times.partition_point(|t| *t < time).min(track.times.len().saturating_sub(1));
+/// The image nearest to a time of its camera's clock, if it shows the hand and was not taken long before or after.
+pub fn image_at(track: &Track, time: f64) -> Option<usize> {
+    let after = track.times.partition_point(|t| *t < time).min(track.times.len().checked_sub(1)?);
     let before = after.saturating_sub(1);
-    if (track.times[before] - time).abs() < (track.times[after] - time).abs() { before } else { after }
+    let off = |k: usize| (track.times[k] - time).abs();
+    let nearest = if off(before) < off(after) { before } else { after };
+    let is_seen = track.sightings.get(nearest).is_some_and(Option::is_some);
+    (is_seen && off(nearest) < MOST_OFF / track.rate()).then_some(nearest)
 }

@@ -112,7 +112,9 @@ fn views_to_ask(candidates: &[Candidate], count: usize) -> usize {
     let most = candidates.iter().map(|frame| frame.views).max().unwrap_or(0);
     let enough = (ENOUGH * count).min(candidates.len() / 2);
     let left = |views: usize| candidates.iter().filter(|frame| frame.views >= views).count();
-    (1..=most).rev().find(|views| left(*views) >= enough).unwrap_or(1)
+    // One camera alone tells poses badly.
+    let needed = |views: usize| if views == 2 { enough.min(count / 2) } else { enough };
+    (1..=most).rev().find(|views| left(*views) >= needed(*views)).unwrap_or(1)
 }
 
 /// How differently the hand is posed and turned: root mean square distance of landmarks from the wrists, metres.

@@ -13,25 +13,21 @@ use ghand_motion::image_landmarks::MEDIAPIPE_TIP_INSET;
 
 use crate::ImportError;
 use crate::cameras::given_cameras;
-use crate::candidates::{candidates, nearest};
+use crate::candidates::{candidates, image_at};
+use crate::checks::{LEAST_FRAMES, check_fit, check_sides, check_still, check_tracks, side};
 use crate::choice::{Candidate, Choice, choose};
 use crate::hand::{Hand, UnknownCameras, fit_hand, frame_id};
 use crate::landmarks::{GivenLandmarks, Tracked, track_all};
 use crate::progress::{OnProgress, Progress, Step};
 use crate::rig::lengths::{BONES, hand_length, lengths_of};
-use crate::solve::{Known, Solved, solve};
+use crate::solve::{Known, SolveError, Solved};
 use crate::sources::{Source, open};
 use crate::track::Track;
+use crate::uneven::solve_with_times;
 use crate::writing::{ChosenFrame, write_capture, write_images};
 
 /// How many frames a capture has by default, of which one in five is held out.
 pub const USUAL_FRAMES: usize = 64;
-/// Fewer frames with the hand than this are not worth an import.
-const LEAST_FRAMES: usize = 5;
-/// A hand in less than this part of the frames is told.
-const FEW_FRAMES: f64 = 0.5;
-/// A second hand in more than this part of the frames is told.
-const OTHER_HAND: f64 = 0.1;
 /// A hand this many times the mean hand, or as many times smaller, means a wrong unit of length.
 const LARGEST_SIZE: f64 = 1.6;
 
@@ -82,9 +78,9 @@ pub struct Imported {
 }
 
 impl Imported {
-    /// The number of a camera's image at the time of a frame.
-    pub fn image_of(&self, frame: usize, camera: usize) -> usize {
-        nearest(&self.tracks[camera], self.tracks[0].times[frame] + self.solved.rig.offsets[camera])
+    /// The number of a camera's image at the time of a frame, if it shows the hand.
+    pub fn image_of(&self, frame: usize, camera: usize) -> Option<usize> {
+        image_at(&self.tracks[camera], self.tracks[0].times[frame] + self.solved.rig.offsets[camera])
     }
 }
 
@@ -113,13 +109,28 @@ pub fn import(options: &ImportOptions, on_progress: &mut OnProgress) -> Result<I
     let tip_inset = given.as_ref().map_or(MEDIAPIPE_TIP_INSET, |given| given.tip_inset);
     let tracked = track_all(&sources, given.as_ref(), &options.work, on_progress)?;
     let side = side(&sources, &tracked, options.side, &mut remarks)?;
-    let tracks: Vec<Track> =
+    let mut tracks: Vec<Track> =
         sources.iter().zip(&tracked).map(|(s, t)| t.hands.track(side, s.footage.times())).collect();
-    check_tracks(&sources, &tracks, &mut remarks)?;
+    check_tracks(&sources, &tracked, &tracks, side, &mut remarks)?;
+    check_still(&sources, &tracked, &mut remarks)?;
     tell(on_progress, Step::Cameras)?;
     let model = builtin_hand(side)?;
     let lengths = lengths_of(&model, tip_inset)?;
-    let solved = solve(&tracks, &lenses, known, &lengths).map_err(|error| ImportError::Unusable(error.to_string()))?;
+    let (solved, uneven) = solve_with_times(&mut tracks, &lenses, known, &lengths)
+        .map_err(|SolveError::TooLittleInCommon(camera)| too_little_in_common(&sources[camera].id, known))?;
+    for clock in uneven {
+        let id = &sources[clock.camera].id;
+        let first = &sources[0].id;
+        let lost = if clock.uneven > 0.0 {
+            format!(", and its frames are uneven by up to {:.0} ms: some are lost", 1e3 * clock.uneven)
+        } else {
+            String::new()
+        };
+        remarks.push(format!(
+            "{id}: its clock gains {:+.1} ms in a second on that of {first}{lost}; times are corrected",
+            1e3 * clock.fast
+        ));
+    }
     for (k, source) in sources.iter().enumerate().skip(1).filter(|(k, _)| solved.clocks[*k].is_none()) {
         remarks.push(format!(
             "{}: the hand's movements agree too little with those in {} to tell its clock; as if both were started together, \
@@ -136,14 +147,22 @@ pub fn import(options: &ImportOptions, on_progress: &mut OnProgress) -> Result<I
     let mut hand = fit_hand(&tracks, &mut lenses, &solved.rig.offsets, &model, tip_inset, unknown)?;
     let candidates = candidates(&tracks, &lenses, &solved.rig.offsets, &model, &hand)?;
     let frames: Vec<Candidate> = candidates.iter().map(|(_, candidate)| candidate.clone()).collect();
+    let errors: Vec<f64> = frames.iter().map(|frame| frame.error).collect();
+    check_fit(&errors, known, &mut remarks)?;
+    if let Some(frame) = frames.get(frames.len() / 2) {
+        let cameras: Vec<Camera> = lenses.iter().map(|lens| lens.camera.clone()).collect();
+        check_sides(&sources, &cameras, frame.points[9])?;
+    }
     let choice = choose(&frames, options.frames);
-    if choice.train.len() < 2 {
+    if choice.train.len() + choice.test.len() < LEAST_FRAMES {
         let reasons: Vec<String> =
             choice.rejected.iter().map(|(reason, count)| format!("{reason} ({count})")).collect();
         return Err(ImportError::Unusable(format!(
-            "no frames can be used of {}: {}; film the hand more slowly, in more light, and whole in all images",
+            "only {} of {} frames with the hand can be used ({}); film for longer, the hand slowly, in more light and whole in \
+             all images",
+            choice.train.len() + choice.test.len(),
             candidates.len(),
-            reasons.join(", ")
+            if reasons.is_empty() { "the others show the same".into() } else { reasons.join(", ") }
         )));
     }
     let mut chosen: Vec<(usize, bool)> = choice.train.iter().map(|k| (*k, false)).collect();
@@ -153,7 +172,7 @@ pub fn import(options: &ImportOptions, on_progress: &mut OnProgress) -> Result<I
         let frame = |(k, is_held_out): &(usize, bool)| {
             let number = candidates[*k].0;
             let time = tracks[0].times[number];
-            let image = |(track, offset): (&Track, &f64)| nearest(track, time + offset);
+            let image = |(track, offset): (&Track, &f64)| image_at(track, time + offset);
             Some(ChosenFrame {
                 id: frame_id(number),
                 images: tracks.iter().zip(&solved.rig.offsets).map(image).collect(),
@@ -168,7 +187,8 @@ pub fn import(options: &ImportOptions, on_progress: &mut OnProgress) -> Result<I
     if is_unknown {
         tell(on_progress, Step::Contours)?;
         // As read again: with masks that are made.
-        let written = Capture::open(&options.out)?;
+        let mut written = Capture::open(&options.out)?;
+        written.skip_unusable_images(&["train"])?;
         let refined = refine_rough_cameras(&written, written.split("train")?, focals_are_known)?;
         for (lens, camera) in lenses.iter_mut().zip(refined) {
             lens.camera = camera;
@@ -182,68 +202,17 @@ pub fn import(options: &ImportOptions, on_progress: &mut OnProgress) -> Result<I
     Ok(Imported { capture, sources, tracked, tracks, known, solved, fit: hand.fit, candidates, choice, remarks })
 }
 
+fn too_little_in_common(id: &str, known: Known) -> ImportError {
+    let remedy = if known == Known::Nothing { ", or give --cameras" } else { "" };
+    ImportError::Unusable(format!(
+        "{id}: sees the hand at too few moments at which another camera sees it, too; film so that all cameras see the hand \
+         for some seconds at the same time{remedy}"
+    ))
+}
+
 fn tell(on_progress: &mut OnProgress, step: Step) -> Result<(), ImportError> {
     let goes_on = on_progress(&Progress { step, subject: String::new(), done: 0, total: 0 });
     if goes_on { Ok(()) } else { Err(ImportError::Stopped) }
-}
-
-/// The side of the hand that is imported.
-fn side(
-    sources: &[Source],
-    tracked: &[Tracked],
-    wanted: Option<Side>,
-    remarks: &mut Vec<String>,
-) -> Result<Side, ImportError> {
-    let count = |k: usize| tracked.iter().map(|tracked| tracked.hands.by_side[k]).sum::<usize>();
-    let [right, left] = [count(0), count(1)];
-    let names = |side: Side| if side == Side::Right { "right" } else { "left" };
-    let side = wanted.unwrap_or(if left > right { Side::Left } else { Side::Right });
-    let [own, other] = if side == Side::Right { [right, left] } else { [left, right] };
-    if own == 0 {
-        let problem = if other > 0 {
-            let shown = names(if side == Side::Right { Side::Left } else { Side::Right });
-            format!("shows only a {shown} hand; give --side {shown}, or omit it")
-        } else {
-            "shows no hand that can be recognised; film the whole hand, near and in good light".into()
-        };
-        return Err(ImportError::Unusable(format!("{}: {problem}", sources[0].footage.path().display())));
-    }
-    if wanted.is_none() && other as f64 > OTHER_HAND * own as f64 {
-        remarks.push(format!(
-            "the {} hand is imported, which {own} images show; {other} also show another one: --side takes it",
-            names(side)
-        ));
-    }
-    for (source, tracked) in sources.iter().zip(tracked) {
-        if tracked.missing > 0 {
-            remarks.push(format!("{}: {} frames could not be decoded", source.id, tracked.missing));
-        }
-        if tracked.hands.with_same_side as f64 > OTHER_HAND * tracked.hands.with_hand as f64 {
-            remarks.push(format!(
-                "{}: {} of its frames show two hands of the same side; the one that is nearer to that of the frame before \
-                 is taken",
-                source.id, tracked.hands.with_same_side
-            ));
-        }
-    }
-    Ok(side)
-}
-
-fn check_tracks(sources: &[Source], tracks: &[Track], remarks: &mut Vec<String>) -> Result<(), ImportError> {
-    for (source, track) in sources.iter().zip(tracks) {
-        let (found, all) = (track.found(), track.sightings.len());
-        if found < LEAST_FRAMES {
-            return Err(ImportError::Unusable(format!(
-                "{}: the hand is found in {found} of {all} frames, at least {LEAST_FRAMES} are needed; film the whole hand, \
-                 near and in good light",
-                source.footage.path().display()
-            )));
-        }
-        if (found as f64) < FEW_FRAMES * all as f64 {
-            remarks.push(format!("{}: the hand is found in {found} of {all} frames only", source.id));
-        }
-    }
-    Ok(())
 }
 
 /// Puts what was found into the cameras: places and focal lengths, and the unit of length from the hand's length, which it

@@ -19,7 +19,7 @@ use crate::sources::Source;
 use crate::track::{Hands, Tracking};
 
 /// Changes when tracking does, so that what earlier versions kept is not used.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 /// Frames between reports of progress.
 const REPORT_EVERY: usize = 10;
 

@@ -3,13 +3,14 @@
 //! [`import()`] does it all, in these steps:
 //!
 //! 1. [`landmarks`]: the tracker finds hands in each camera's frames; [`track`] is one of them in one camera.
-//! 2. [`solve`](mod@solve): how the cameras' clocks differ ([`clocks`]) and where the cameras are ([`rig`]), if that is not
+//! 2. [`solve`](mod@solve): how the cameras' clocks differ ([`clocks`], [`uneven`]) and where the cameras are ([`rig`]), if that is not
 //!    given.
 //! 3. [`hand`]: one hand and all its poses.
 //! 4. [`choice`]: of the [`candidates`], frames that are sharp, sure and different; [`writing`] makes a capture of them.
 
 mod cameras;
 pub mod candidates;
+mod checks;
 pub mod choice;
 pub mod clocks;
 mod error;
@@ -22,7 +23,9 @@ pub mod rig;
 mod sharpness;
 pub mod solve;
 pub mod sources;
+mod stillness;
 pub mod track;
+pub mod uneven;
 pub mod writing;
 
 pub use error::ImportError;

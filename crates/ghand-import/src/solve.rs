@@ -36,11 +36,8 @@ pub enum Known {
 /// Why cameras could not be found.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum SolveError {
-    /// By the camera's number.
-    #[error(
-        "camera {0} sees the hand at too few moments at which another camera sees it, too; film so that all cameras see the \
-         hand for some seconds, or give --cameras"
-    )]
+    /// A camera, by its number, sees the hand at too few moments at which another one sees it, too.
+    #[error("camera {0} sees the hand at too few moments at which another camera sees it, too")]
     TooLittleInCommon(usize),
 }
 

@@ -7,9 +7,12 @@ use serde::{Deserialize, Serialize};
 
 use crate::rig::LANDMARKS;
 use crate::sharpness::sharpness;
+use crate::stillness::Stillness;
 
 /// Hands in more than this part of the frames with a hand are a second one; in fewer they are mistakes.
 const SECOND_HAND: f64 = 0.05;
+/// Frames from one to the next in which it is looked whether the camera moves.
+const STILLNESS_EVERY: usize = 6;
 /// Tracks shorter than this do not say which hand they are, frames.
 const LEAST_TRACK: usize = 5;
 
@@ -45,6 +48,7 @@ pub struct Tracking {
     frames: Vec<Vec<(usize, Sighting)>>,
     /// By identity: the last estimate of how sure it is that this is a right hand, and the number of frames.
     right: Vec<(f64, usize)>,
+    stillness: Stillness,
 }
 
 /// The hands of one footage.
@@ -60,6 +64,8 @@ pub struct Hands {
     pub with_same_side: usize,
     /// Frames with a right and with a left hand.
     pub by_side: [usize; 2],
+    /// How far what is behind the hands shifts in the images, relative to their width: 0 if the camera stands still.
+    pub shift: f64,
     hands: Vec<Vec<SidedHand>>,
 }
 
@@ -75,7 +81,7 @@ impl Tracking {
     /// # Errors
     /// None with the networks that come with the tracker.
     pub fn new() -> Result<Tracking, TrackerError> {
-        Ok(Tracking { tracker: HandTracker::new(2)?, frames: vec![], right: vec![] })
+        Ok(Tracking { tracker: HandTracker::new(2)?, frames: vec![], right: vec![], stillness: Stillness::default() })
     }
 
     /// Looks at the next frame: red, green and blue, row by row.
@@ -96,7 +102,7 @@ impl Tracking {
             let TrackedHand { landmarks: pixels, world, presence, .. } = hand;
             frame.push((identity, Sighting { pixels, world, presence, sharpness, other_hand: None }));
         }
-        self.frames.push(frame);
+        self.push(rgb, width, height, frame);
         Ok(())
     }
 
@@ -119,8 +125,16 @@ impl Tracking {
         };
         let found = pixels.map(seen).transpose()?;
         self.right = vec![(if side == Side::Right { 1.0 } else { 0.0 }, LEAST_TRACK)];
-        self.frames.push(found.into_iter().map(|sighting| (0, sighting)).collect());
+        self.push(rgb, width, height, found.into_iter().map(|sighting| (0, sighting)).collect());
         Ok(())
+    }
+
+    fn push(&mut self, rgb: &[u8], width: u32, height: u32, frame: Vec<(usize, Sighting)>) {
+        if self.frames.len().is_multiple_of(STILLNESS_EVERY) {
+            let hands: Vec<[DVec2; LANDMARKS]> = frame.iter().map(|(_, sighting)| sighting.pixels).collect();
+            self.stillness.add(rgb, width as usize, height as usize, &hands);
+        }
+        self.frames.push(frame);
     }
 
     /// Counts a frame that cannot be looked at.
@@ -154,6 +168,7 @@ impl Tracking {
             with_several: several,
             with_same_side: hands.iter().filter(same).count(),
             by_side: [count(true), count(false)],
+            shift: self.stillness.largest_shift(),
             hands,
         }
     }

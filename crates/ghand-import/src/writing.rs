@@ -29,8 +29,8 @@ const IMAGES: &str = "images/{camera}/{frame}.jpg";
 pub struct ChosenFrame {
     /// Its name.
     pub id: String,
-    /// The number of the image of each camera.
-    pub images: Vec<usize>,
+    /// The number of the image of each camera, if it shows the hand; others are not written.
+    pub images: Vec<Option<usize>>,
     /// The pose at its time.
     pub pose: Pose,
     /// Whether it is held out.
@@ -49,20 +49,20 @@ pub fn write_images(
 ) -> Result<(), ImportError> {
     // A folder with a capture.json is complete: an earlier one goes first.
     remove(|path| fs::remove_file(path), &out.join(CAPTURE_FILE))?;
-    let total = sources.len() * frames.len();
+    let total = frames.iter().flat_map(|frame| frame.images.iter().flatten()).count();
     let mut done = 0;
     for (camera, source) in sources.iter().enumerate() {
         let folder = out.join("images").join(&source.id);
         // Images of an earlier choice would only confuse.
         remove(|path| fs::remove_dir_all(path), &folder)?;
         fs::create_dir_all(&folder).map_err(ImportError::write(&folder))?;
-        let mut numbers: Vec<usize> = frames.iter().map(|frame| frame.images[camera]).collect();
+        let mut numbers: Vec<usize> = frames.iter().filter_map(|frame| frame.images[camera]).collect();
         numbers.sort_unstable();
         let mut images = source.footage.frames_at(&numbers)?;
         let (width, height) = source.footage.size();
         let mut rgb = vec![];
         while let Some(number) = images.next_into(&mut rgb)? {
-            for frame in frames.iter().filter(|frame| frame.images[camera] == number) {
+            for frame in frames.iter().filter(|frame| frame.images[camera] == Some(number)) {
                 let path = folder.join(format!("{}.jpg", frame.id));
                 let mut bytes = Cursor::new(vec![]);
                 let encoder = JpegEncoder::new_with_quality(&mut bytes, QUALITY);

@@ -142,7 +142,9 @@ fn with_progress(options: &ImportOptions) -> anyhow::Result<Imported> {
 
 /// Prints what was found, and writes the page.
 fn describe(imported: &Imported, start: Instant, adapter: &AdapterArgs) -> anyhow::Result<()> {
-    let capture = Capture::open(&imported.capture.root)?;
+    let mut capture = Capture::open(&imported.capture.root)?;
+    let splits: Vec<String> = capture.splits.keys().cloned().collect();
+    let unseen = capture.skip_unusable_images(&splits.iter().map(String::as_str).collect::<Vec<_>>())?;
     for row in camera_rows(imported) {
         let [id, images, found, focal, angle, place, error] = &row[..] else { continue };
         say!(
@@ -155,6 +157,10 @@ fn describe(imported: &Imported, start: Instant, adapter: &AdapterArgs) -> anyho
     say!("the hand: {:.0} mm long", 1e3 * imported.fit.lengths[1]);
     frame_sentences(imported).iter().for_each(|sentence| say!("{sentence}"));
     let mut notes = imported.remarks.clone();
+    let (missing, all) = (unseen.reasons.values().sum::<usize>(), unseen.checked);
+    if missing > 0 {
+        notes.push(format!("{missing} of {all} images of the chosen frames do not show the hand, and are not written"));
+    }
     notes.extend(imported.fit.remarks.iter().cloned());
     if let Some(review) = review(&capture, capture.split("train")?)? {
         notes.extend(review.sentences());

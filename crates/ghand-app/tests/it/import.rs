@@ -5,8 +5,13 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use ghand_capture::Capture;
-use ghand_core::Camera;
+use ghand_capture::cameras::list::read_cameras;
+use ghand_core::{Camera, Side};
+use ghand_motion::RestSkeleton;
+use ghand_motion::ik::HandIk;
 use ghand_test_support::{ffmpeg, shared};
+use glam::DVec3;
+use serde_json::Value;
 
 use crate::common::{assert_one_sentence, run};
 
@@ -91,6 +96,96 @@ fn two_films_and_their_calibration_become_a_capture() {
     let off = turn_between(&alone.cameras, &given);
     println!("cameras by the hand alone: {off:.1} degrees off");
     assert!(off < 10.0, "{off}");
+}
+
+/// Whether each pixel of a mask's file is on the hand.
+fn mask_of(path: &Path) -> Vec<bool> {
+    image::open(path).unwrap().to_luma8().pixels().map(|pixel| pixel.0[0] >= 128).collect()
+}
+
+fn run_ghand(folder: &Path, arguments: &[&str]) -> String {
+    let made = run(env!("CARGO_BIN_EXE_ghand"), folder, arguments);
+    let said = String::from_utf8_lossy(&made.stdout).into_owned();
+    assert!(made.status.success(), "{said}{}", String::from_utf8_lossy(&made.stderr));
+    said
+}
+
+#[test]
+fn made_footage_comes_back_with_its_truth() {
+    if !ffmpeg() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let footage = ["capture", "--footage", "--views", "2", "--seconds", "4", "--size", "480x360", "--out", "footage"];
+    run_ghand(folder.path(), &footage);
+    let cameras = ["--cameras", "footage/cameras.json"];
+    run_ghand(folder.path(), &[&["import", "footage", "--out", "me", "--frames", "20"][..], &cameras].concat());
+    let capture = Capture::open(&path("me")).unwrap();
+    let truth: Value = serde_json::from_slice(&fs::read(path("footage/truth.json")).unwrap()).unwrap();
+    // Landmarks in space, as far as the wrist, knuckles and joints are those of the tracker.
+    let ik = HandIk::new(&RestSkeleton::of(&capture.template).unwrap());
+    let mut off = vec![];
+    for frame in &capture.frames {
+        let seen = truth["hand"][frame.id.parse::<usize>().unwrap()]["landmarks"].as_array().unwrap().clone();
+        for (landmark, at) in ik.landmarks(&frame.pose).iter().enumerate().filter(|(k, _)| k % 4 != 0) {
+            let number = |axis: usize| seen[landmark][axis].as_f64().unwrap();
+            off.push(at.distance(DVec3::new(number(0), number(1), number(2))));
+        }
+    }
+    off.sort_by(f64::total_cmp);
+    // Masks, where the truth has them: those of every tenth frame.
+    let (mut wrong, mut all) = (0, 0);
+    for frame in capture.frames.iter().map(|frame| &frame.id).filter(|id| id.ends_with('0')) {
+        let true_mask = path("footage/truth-masks/cam0").join(format!("{}.png", &frame[1..]));
+        let found = capture.frames.iter().position(|other| other.id == *frame).unwrap();
+        let mask = capture.load_hand_mask(0, found).unwrap();
+        all += mask.iter().filter(|inside| **inside).count();
+        wrong += mask.iter().zip(mask_of(&true_mask)).filter(|(found, truth)| **found && !truth).count();
+    }
+    println!(
+        "landmarks {:.1} mm off (median); {:.1} % of the masks' pixels are not the hand",
+        1e3 * off[off.len() / 2],
+        1e2 * wrong as f64 / all.max(1) as f64
+    );
+    assert!(off[off.len() / 2] < 0.012, "{}", off[off.len() / 2]);
+    assert!((wrong as f64) < 0.08 * all as f64, "{wrong} of {all} pixels");
+    // The clocks, from what is said.
+    let given = read_cameras(&path("footage/cameras.json")).unwrap();
+    let given: Vec<Camera> = given.into_iter().map(|lens| lens.camera).collect();
+    let said = run_ghand(folder.path(), &["import", "footage", "--out", "alone", "--frames", "20"]);
+    let alone = Capture::open(&path("alone")).unwrap();
+    let turn = turn_between(&alone.cameras, &given);
+    println!("cameras by the hand alone: {turn:.1} degrees off\n{said}");
+    assert!(turn < 8.0, "{turn}");
+    let line = said.lines().find(|line| line.starts_with("clock of cam1")).unwrap();
+    let later: f64 = line.split_whitespace().nth(3).unwrap().parse().unwrap();
+    let start = truth["cameras"][1]["start"].as_f64().unwrap();
+    println!("clock: {later} s found, {start} s true");
+    assert!((later + start).abs() < 0.01, "{later} {start}");
+    // What is wrong with footage of hands, and both hands side by side.
+    let [cam0, cam1] = ["cam0", "cam1"].map(|name| path(&format!("footage/{name}.mp4")));
+    let filtered = |filter: &str, name: &str| {
+        let made = path(name);
+        make_video(&["-i", cam1.to_str().unwrap(), "-vf", filter, "-t", "2"], &made);
+        made
+    };
+    let mirrored = filtered("hflip", "mirrored.mp4");
+    let moving = filtered("crop=360:270:60+50*sin(2*t):45+40*cos(2*t)", "moving.mp4");
+    let both = filtered("split[a][b];[b]hflip[c];[a][c]hstack", "both.mp4");
+    for (other, more, parts) in [
+        (&mirrored, &[][..], &["mirrored.mp4", "left", "mirror"][..]),
+        (&moving, &[], &["moving", "moves", "stand still"]),
+        (&cam0, &[], &["same side", "twice"]),
+        (&cam1, &["--landmarks", "footage/cameras.json"], &["cameras.json", "landmarks"]),
+    ] {
+        assert_one_sentence(&import(&[&cam0, other], &path("bad"), more), parts);
+    }
+    let said = import(&[&both], &path("both"), &["--side", "both", "--frames", "8"]);
+    assert!(said.status.success(), "{}", String::from_utf8_lossy(&said.stderr));
+    let sides = ["right", "left"].map(|name| Capture::open(&path("both").join(name)).unwrap());
+    assert!(sides[0].side == Side::Right && sides[1].side == Side::Left);
+    assert!(sides[0].frames.len() == 8 && path("both/left/import.html").exists());
 }
 
 #[test]

@@ -6,6 +6,8 @@ use ghand_import::moments::moments;
 use ghand_import::rig::lengths::{hand_length, lengths_of};
 use ghand_import::solve::{Known, solve};
 use ghand_import::track::Track;
+use ghand_import::uneven::solve_with_times;
+use ghand_motion::image_landmarks::MEDIAPIPE_TIP_INSET;
 use glam::{DMat3, DVec3};
 
 use crate::hands::{Motion, cameras, hand, lenses, track};
@@ -96,4 +98,38 @@ fn a_known_rig_keeps_its_place_and_tells_the_hands_size() {
     assert!(hand_length(&lengths) > 0.16);
     let moments = moments(&tracks, &lenses(&truth), &found.rig.offsets, &tracks[0].times);
     assert!(moments.iter().filter(|moment| moment.iter().all(Option::is_some)).count() > 300);
+}
+
+/// How far the times of frames are off the true ones, seconds, root mean square.
+fn lateness(track: &Track, truth: &[f64], offset: f64) -> f64 {
+    let squares: f64 = track.times.iter().zip(truth).map(|(time, truth)| (time - truth - offset).powi(2)).sum();
+    (squares / truth.len() as f64).sqrt()
+}
+
+#[test]
+fn drift_and_lost_frames_are_found_and_corrected() {
+    let lengths = lengths_of(&hand(), MEDIAPIPE_TIP_INSET).unwrap();
+    let truth = cameras(3);
+    let motion = Motion::new(3);
+    let mut all: Vec<Track> =
+        (0..3).map(|k| track(&motion, &truth[k], 30.0, 20.0, OFFSETS[k], 0.003, 60 + k as u64)).collect();
+    let even = solve_with_times(&mut all.clone(), &lenses(&truth), Known::All, &lengths).unwrap();
+    assert!(even.1.is_empty(), "{:?}", even.1);
+    let times: Vec<Vec<f64>> = all.iter().map(|track| track.times.clone()).collect();
+    // The second clock is fast by 4 ms a second, and the third camera loses seven frames in the middle.
+    all[1].times.iter_mut().for_each(|time| *time *= 1.004);
+    let kept = |k: usize| !(250..360).contains(&k) || k % 16 != 0;
+    let lost = &mut all[2];
+    lost.sightings = (0..lost.sightings.len()).filter(|k| kept(*k)).map(|k| lost.sightings[k].clone()).collect();
+    lost.times.truncate(lost.sightings.len());
+    let kept_times: Vec<f64> = (0..times[2].len()).filter(|k| kept(*k)).map(|k| times[2][k]).collect();
+    let (solved, uneven) = solve_with_times(&mut all, &lenses(&truth), Known::All, &lengths).unwrap();
+    println!("{uneven:?}");
+    assert_eq!(uneven.iter().map(|clock| clock.camera).collect::<Vec<_>>(), [1, 2]);
+    assert!((uneven[0].fast - 0.004).abs() < 1e-3 && uneven[1].uneven > 0.0);
+    for (k, truth) in [(1, &times[1]), (2, &kept_times)] {
+        let late = lateness(&all[k], truth, solved.rig.offsets[k] - OFFSETS[k]);
+        println!("camera {k}: {:.1} ms off", 1e3 * late);
+        assert!(late < 0.02, "{k}: {late}");
+    }
 }

@@ -92,7 +92,7 @@ impl Page<'_> {
         let count = track.sightings.len().max(1) as f64;
         let width = WIDTH / count;
         let chosen: Vec<usize> = (imported.choice.train.iter().chain(&imported.choice.test))
-            .map(|k| imported.image_of(imported.candidates[*k].0, camera))
+            .filter_map(|k| imported.image_of(imported.candidates[*k].0, camera))
             .collect();
         let bar = |k: usize, color: &str, top: f64| {
             html! { rect x=(format!("{:.2}", k as f64 * width)) y=(top) width=(format!("{:.2}", width.max(0.5))) height=(HEIGHT - top) fill=(color) {} }

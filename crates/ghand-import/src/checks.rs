@@ -1,0 +1,185 @@
+//! What of footage cannot be used, or should be known.
+
+use ghand_core::{Camera, Side};
+use glam::DVec3;
+
+use crate::ImportError;
+use crate::landmarks::Tracked;
+use crate::solve::Known;
+use crate::sources::Source;
+use crate::track::Track;
+
+/// Fewer frames with the hand than this are not worth an import.
+pub const LEAST_FRAMES: usize = 5;
+/// A hand in less than this part of the frames is told.
+const FEW_FRAMES: f64 = 0.5;
+/// A second hand in more than this part of the frames is told.
+const OTHER_HAND: f64 = 0.1;
+/// A camera whose images shift by less than this stands still, and one of more moves; relative to their width.
+const STILL: f64 = 0.01;
+const MOVING: f64 = 0.04;
+/// Cameras whose directions from the hand differ by less, radians, show the same.
+const LEAST_ANGLE: f64 = 0.05;
+/// Landmarks are at most so far off the hand, relative to its length; beyond the second bound they are not one hand's.
+const USUAL_ERROR: f64 = 0.03;
+const MOST_ERROR: f64 = 0.045;
+
+/// The side of the hand that is imported.
+pub fn side(
+    sources: &[Source],
+    tracked: &[Tracked],
+    wanted: Option<Side>,
+    remarks: &mut Vec<String>,
+) -> Result<Side, ImportError> {
+    let count = |k: usize| tracked.iter().map(|tracked| tracked.hands.by_side[k]).sum::<usize>();
+    let [right, left] = [count(0), count(1)];
+    let side = wanted.unwrap_or(if left > right { Side::Left } else { Side::Right });
+    let [own, other] = if side == Side::Right { [right, left] } else { [left, right] };
+    if own == 0 {
+        let problem = if other > 0 {
+            let shown = name_of(if side == Side::Right { Side::Left } else { Side::Right });
+            format!("shows only a {shown} hand; give --side {shown}, or omit it")
+        } else {
+            "shows no hand that can be recognised; film the whole hand, near and in good light".into()
+        };
+        return Err(ImportError::Unusable(format!("{}: {problem}", sources[0].footage.path().display())));
+    }
+    if wanted.is_none() && other as f64 > OTHER_HAND * own as f64 {
+        remarks.push(format!(
+            "the {} hand is imported, which {own} images show; {other} also show another one: --side takes it",
+            name_of(side)
+        ));
+    }
+    for (source, tracked) in sources.iter().zip(tracked) {
+        if tracked.missing > 0 {
+            remarks.push(format!("{}: {} frames could not be decoded", source.id, tracked.missing));
+        }
+        if tracked.hands.with_same_side as f64 > OTHER_HAND * tracked.hands.with_hand as f64 {
+            remarks.push(format!(
+                "{}: {} of its frames show two hands of the same side; the one that is nearer to that of the frame before \
+                 is taken",
+                source.id, tracked.hands.with_same_side
+            ));
+        }
+    }
+    Ok(side)
+}
+
+/// Whether the hand is in the footage of each camera.
+///
+/// # Errors
+/// If it is not.
+pub fn check_tracks(
+    sources: &[Source],
+    tracked: &[Tracked],
+    tracks: &[Track],
+    side: Side,
+    remarks: &mut Vec<String>,
+) -> Result<(), ImportError> {
+    for ((source, tracked), track) in sources.iter().zip(tracked).zip(tracks) {
+        let (found, all) = (track.found(), track.sightings.len());
+        let path = source.footage.path().display();
+        let [right, left] = tracked.hands.by_side;
+        let [other, other_side] = match side {
+            Side::Right => [left, 1],
+            Side::Left => [right, 0],
+        };
+        if found < LEAST_FRAMES && other >= LEAST_FRAMES {
+            let [own, other] = if other_side == 1 { ["right", "left"] } else { ["left", "right"] };
+            return Err(ImportError::Unusable(format!(
+                "{path}: shows a {other} hand, but the {own} one is imported; webcams' programs often mirror what they \
+                 record: give the footage as the camera saw it, or --side {other} if it is that hand"
+            )));
+        }
+        if found < LEAST_FRAMES {
+            return Err(ImportError::Unusable(format!(
+                "{path}: the hand is found in {found} of {all} frames, at least {LEAST_FRAMES} are needed; film the whole \
+                 hand, near and in good light"
+            )));
+        }
+        if (found as f64) < FEW_FRAMES * all as f64 {
+            remarks.push(format!("{}: the hand is found in {found} of {all} frames only", source.id));
+        }
+    }
+    Ok(())
+}
+
+/// Whether cameras that must stand still do. A single one may move: the hand then moves before it.
+///
+/// # Errors
+/// If one of several moves.
+pub fn check_still(sources: &[Source], tracked: &[Tracked], remarks: &mut Vec<String>) -> Result<(), ImportError> {
+    for (source, Tracked { hands, .. }) in sources.iter().zip(tracked) {
+        let shift = format!(
+            "{}: the camera moves: what is behind the hand shifts by up to {:.0} % of the image's width",
+            source.id,
+            1e2 * hands.shift
+        );
+        match sources.len() {
+            _ if hands.shift < STILL => {}
+            1 => remarks.push(format!("{shift}; the light is taken to move with it")),
+            _ if hands.shift < MOVING => remarks.push(format!("{shift}; fix it, or poses and cameras are less exact")),
+            _ => {
+                return Err(ImportError::Unusable(format!(
+                    "{shift}; of several cameras all must stand still: fix them, or import this footage alone"
+                )));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Whether two cameras at least see the hand from different sides.
+///
+/// # Errors
+/// If none do.
+pub fn check_sides(sources: &[Source], cameras: &[Camera], hand: DVec3) -> Result<(), ImportError> {
+    let [first, others @ ..] = cameras else { return Ok(()) };
+    let from = |camera: &Camera| camera.center() - hand;
+    let angle = |camera: &Camera| from(first).angle_between(from(camera));
+    let widest = others.iter().map(angle).fold(0.0, f64::max);
+    if others.is_empty() || widest > LEAST_ANGLE {
+        return Ok(());
+    }
+    let names: Vec<&str> = sources.iter().map(|source| source.id.as_str()).collect();
+    Err(ImportError::Unusable(format!(
+        "{}: show the hand from the same side, {:.1} degrees apart; is it the same footage twice? Otherwise move the cameras \
+         apart, by 30 degrees or more",
+        names.join(", "),
+        widest.to_degrees()
+    )))
+}
+
+/// Whether landmarks of all cameras are those of one hand: `errors` are how far they are off it in each frame, relative to
+/// the hand's length.
+///
+/// # Errors
+/// If they are not.
+pub fn check_fit(errors: &[f64], known: Known, remarks: &mut Vec<String>) -> Result<(), ImportError> {
+    let mut errors = errors.to_vec();
+    errors.sort_by(f64::total_cmp);
+    let error = errors.get(errors.len() / 2).copied().unwrap_or(0.0);
+    if error < USUAL_ERROR {
+        return Ok(());
+    }
+    let off = format!("landmarks are off the hand by {:.0} % of its length (median), usually by 1 to 2 %", 1e2 * error);
+    let cause = match known {
+        Known::Nothing => "cameras moved, or do not show the same hand at the same time",
+        _ => {
+            "the calibration is not of these cameras, in this order and at this resolution, or they do not show the same hand at the same time"
+        }
+    };
+    if error < MOST_ERROR {
+        remarks.push(format!("{off}: probably {cause}"));
+        return Ok(());
+    }
+    let remedy = match known {
+        Known::Nothing => "film again with cameras that stand still, and give their footage of the same time",
+        _ => "give the right one, or import without --cameras",
+    };
+    Err(ImportError::Unusable(format!("{off}: {cause}; {remedy}")))
+}
+
+fn name_of(side: Side) -> &'static str {
+    if side == Side::Right { "right" } else { "left" }
+}
