@@ -3,7 +3,7 @@
 SHELL := bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-long viewer check libraries deny
+.PHONY: help setup demo phone-demo test test-long viewer check libraries deny
 
 # Vulkan's loader and drivers expect a private runtime folder; containers and bare logins often have none.
 with_runtime_dir = if [ -z "$${XDG_RUNTIME_DIR:-}" ]; then \
@@ -21,6 +21,15 @@ setup: ## Install what is missing (Debian, Ubuntu)
 
 demo: setup ## Train an avatar on a synthetic capture and print how good it is
 	@$(with_runtime_dir) cargo run -p ghand-app --no-default-features --bin train -- --set iterations=660
+
+phone-demo: setup ## Film a synthetic hand with one phone that turns around it, import the video, train on it
+	@$(with_runtime_dir) \
+	rm -rf out/phone-demo; \
+	cargo build -p ghand-app --no-default-features --bin ghand --bin train; \
+	bin="$${CARGO_TARGET_DIR:-target}/debug"; \
+	"$$bin/ghand" capture --footage --moving --seconds 12 --out out/phone-demo/footage; \
+	"$$bin/ghand" import out/phone-demo/footage --out out/phone-demo/capture; \
+	"$$bin/train" --capture out/phone-demo/capture --out out/phone-demo/train
 
 test: setup ## Run all tests
 	@$(with_runtime_dir) \

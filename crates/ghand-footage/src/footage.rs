@@ -109,6 +109,14 @@ impl Footage {
         self.rate
     }
 
+    /// The focal length of the same view on film of 36 x 24 mm, millimetres, if pictures state it (Exif).
+    pub fn focal_35mm(&self) -> Option<f64> {
+        match &self.source {
+            Source::Pictures(pictures) => pictures.focal_35mm(),
+            Source::Video(_) => None,
+        }
+    }
+
     /// What the user should know, one sentence each.
     pub fn remarks(&self) -> &[String] {
         &self.remarks

@@ -20,6 +20,7 @@ const OTHER_ENDINGS: [&str; 3] = ["heic", "heif", "avif"];
 pub(crate) struct Pictures {
     paths: Vec<PathBuf>,
     size: (u32, u32),
+    focal_35mm: Option<f64>,
 }
 
 impl Pictures {
@@ -51,10 +52,16 @@ impl Pictures {
         let Some(first) = paths.first() else {
             return Err(FootageError::unusable(Path::new("pictures"), "there are none; give at least one"));
         };
-        let decoder = decoder(first)?;
-        let (width, height) = decoder.0.dimensions();
-        let size = if is_on_its_side(decoder.1) { (height, width) } else { (width, height) };
-        Ok(Pictures { paths, size })
+        let (mut decoder, orientation) = decoder(first)?;
+        let (width, height) = decoder.dimensions();
+        let size = if is_on_its_side(orientation) { (height, width) } else { (width, height) };
+        let focal_35mm = decoder.exif_metadata().ok().flatten().and_then(focal_35mm);
+        Ok(Pictures { paths, size, focal_35mm })
+    }
+
+    /// As [`crate::Footage::focal_35mm`], of the first picture.
+    pub fn focal_35mm(&self) -> Option<f64> {
+        self.focal_35mm
     }
 
     pub fn paths(&self) -> &[PathBuf] {
@@ -88,6 +95,14 @@ impl Pictures {
     }
 }
 
+/// The focal length on film of 36 x 24 mm that Exif data state, millimetres.
+fn focal_35mm(exif: Vec<u8>) -> Option<f64> {
+    let exif = exif::Reader::new().read_raw(exif).ok()?;
+    let field = exif.get_field(exif::Tag::FocalLengthIn35mmFilm, exif::In::PRIMARY)?;
+    // 0 stands for unknown.
+    field.value.get_uint(0).filter(|focal| *focal > 0).map(f64::from)
+}
+
 /// Whether a file is a picture by its extension; an error for those that are not read.
 pub(crate) fn is_picture(path: &Path) -> Result<bool, FootageError> {
     let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase()).unwrap_or_default();
@@ -116,4 +131,25 @@ fn decoder(path: &Path) -> Result<(impl ImageDecoder + use<>, Orientation), Foot
 fn is_on_its_side(orientation: Orientation) -> bool {
     use Orientation::{Rotate90, Rotate90FlipH, Rotate270, Rotate270FlipH};
     matches!(orientation, Rotate90 | Rotate270 | Rotate90FlipH | Rotate270FlipH)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exif_data_tell_the_focal_length() {
+        let field = exif::Field {
+            tag: exif::Tag::FocalLengthIn35mmFilm,
+            ifd_num: exif::In::PRIMARY,
+            value: exif::Value::Short(vec![26]),
+        };
+        let mut writer = exif::experimental::Writer::new();
+        writer.push_field(&field);
+        let mut bytes = std::io::Cursor::new(vec![]);
+        writer.write(&mut bytes, false).unwrap();
+        let bytes = bytes.into_inner();
+        assert_eq!(focal_35mm(bytes.clone()), Some(26.0));
+        (0..bytes.len()).for_each(|end| assert!(focal_35mm(bytes[..end].to_vec()).is_none_or(|focal| focal == 26.0)));
+    }
 }

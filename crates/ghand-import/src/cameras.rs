@@ -14,6 +14,8 @@ use crate::sources::Source;
 
 /// Sizes of images whose aspects differ by more, relatively, are not the same images scaled.
 const ASPECT_TOLERANCE: f64 = 0.01;
+/// Diagonal of film of 36 x 24 mm, millimetres.
+const FILM_DIAGONAL: f64 = 43.267;
 /// Principal points are at most so far from the middle of images, relative to their size; beyond the second bound they are
 /// of other images.
 const USUAL_OFF_MIDDLE: f64 = 0.12;
@@ -29,8 +31,16 @@ pub(crate) fn given_cameras(
     let Some(file) = file else {
         let unknown = |source: &Source| {
             let (width, height) = source.footage.size();
-            LensCamera { camera: unknown_camera(&source.id, width, height), distortion: None }
+            let mut camera = unknown_camera(&source.id, width, height);
+            if let Some(focal) = source.footage.focal_35mm() {
+                let diagonal = f64::from(width).hypot(f64::from(height));
+                camera.focal = DVec2::splat(focal * diagonal / FILM_DIAGONAL);
+            }
+            LensCamera { camera, distortion: None }
         };
+        for source in sources.iter().filter(|source| source.footage.focal_35mm().is_some()) {
+            remarks.push(format!("{}: the focal length starts from that in the pictures' Exif data", source.id));
+        }
         return Ok((sources.iter().map(unknown).collect(), Known::Nothing));
     };
     let given = read_calibration(file)?;

@@ -7,7 +7,7 @@ use nalgebra::Matrix3;
 
 use super::{LANDMARKS, Moment, View};
 
-/// Focal length of a camera of which nothing is known, relative to the longer side of its image. Phones have 0.8 to 1.0 for
+/// Focal length of a camera of which nothing is known, relative to the longer side of its sensor. Phones have 0.8 to 1.0 for
 /// videos, webcams 0.65 to 1.0, cropped images more.
 pub const USUAL_FOCAL: f64 = 0.9;
 /// Fewer common frames than this do not place a camera.
@@ -15,14 +15,18 @@ const LEAST_COMMON: usize = 5;
 /// Steps of robust means.
 const ROBUST_STEPS: usize = 20;
 
+/// No sensor is narrower than this, its longer side by its shorter one: images that are were cropped at their sides.
+const LEAST_ASPECT: f64 = 4.0 / 3.0;
+
 /// A camera whose lens is unknown, at the world's origin.
 pub fn unknown_camera(id: &str, width: u32, height: u32) -> Camera {
     let size = DVec2::new(f64::from(width), f64::from(height));
+    let longer = size.max_element().max(LEAST_ASPECT * size.min_element());
     Camera {
         id: id.into(),
         width,
         height,
-        focal: DVec2::splat(USUAL_FOCAL * size.max_element()),
+        focal: DVec2::splat(USUAL_FOCAL * longer),
         principal: size / 2.0,
         rotation: DMat3::IDENTITY,
         translation: DVec3::ZERO,
