@@ -84,6 +84,13 @@ fn images_without_a_board_have_none_and_are_told() {
         let error = calibrate(&kind, &[camera]).unwrap_err().to_string();
         assert!(error.contains("left: none of its 4 images") && error.contains(&kind.to_string()), "{error}");
     }
+    for (width, height) in [(1, 1), (2, 40), (40, 2), (12, 12), (65, 33)] {
+        let image: Vec<u8> = (0..width * height).map(|_| rng.random()).collect();
+        for kind in [kind("charuco:8x6:30mm"), kind("chessboard:3x3:25mm")] {
+            let found = BoardFinder::new(&kind).unwrap().find(&image, width, height).unwrap();
+            assert!(!matches!(found, Sight::Board(_)), "{kind} in {width} x {height}: {found:?}");
+        }
+    }
     let error = BoardFinder::new(&kind("chessboard:9x6:25mm")).unwrap().find(&[0; 10], 4, 3).unwrap_err();
     assert_eq!(error, BoardError::Image { width: 4, height: 3, found: 10, needed: 12 });
 }
