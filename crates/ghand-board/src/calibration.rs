@@ -12,6 +12,7 @@ mod lens;
 mod placing;
 mod pose;
 mod report;
+mod signal;
 mod track;
 
 use ghand_capture::cameras::list::LensCamera;
@@ -21,8 +22,8 @@ use crate::{BoardCamera, BoardError, BoardKind};
 use bundle::FilmCamera;
 use checks::{check_seen, check_views};
 use choice::different;
-use clocks::Signal;
-use intrinsics::{lens_alone, pose_in};
+use clocks::clocks;
+use intrinsics::lens_alone;
 use joint::{Cameras, solve_together};
 use lens::Coefficients;
 use track::Track;
@@ -101,54 +102,13 @@ pub fn calibrate(kind: &BoardKind, cameras: &[BoardCamera]) -> Result<BoardCalib
     let found: Vec<(FilmCamera, Coefficients)> =
         cameras.par_iter().zip(&tracks).map(alone).collect::<Result<_, _>>()?;
     let (mut films, coefficients): (Vec<FilmCamera>, Vec<Coefficients>) = found.into_iter().unzip();
-    set_clocks(&mut films, cameras, &tracks, kind)?;
     let all = Cameras { cameras, tracks: &tracks, kind, coefficients: &coefficients };
+    let clocks = clocks(&all, &films)?;
+    films.iter_mut().zip(clocks).for_each(|(film, clock)| film.clock = clock);
     let solved = solve_together(&all, films)?;
     Ok(report::report(&all, &solved))
 }
 
 fn diagonal(camera: &BoardCamera) -> f64 {
     f64::from(camera.size[0]).hypot(f64::from(camera.size[1]))
-}
-
-/// Clocks as given, or by how the board moves.
-fn set_clocks(
-    films: &mut [FilmCamera],
-    cameras: &[BoardCamera],
-    tracks: &[Track],
-    kind: &BoardKind,
-) -> Result<(), BoardError> {
-    let given = |(k, camera): (usize, &BoardCamera)| if k == 0 { Some(0.0) } else { camera.clock };
-    let mut clocks: Vec<Option<f64>> = cameras.iter().enumerate().map(given).collect();
-    if clocks.iter().any(Option::is_none) {
-        let middle = (0.5 * kind.size()).extend(0.0);
-        let signal = |(film, track): (&FilmCamera, &Track)| {
-            let poses: Vec<_> =
-                track.views.iter().map(|view| pose_in(view, &film.lens, kind).map(|(pose, _)| pose)).collect();
-            Signal::of(track, &poses, middle)
-        };
-        let signals: Vec<Signal> = films.par_iter().zip(tracks).map(signal).collect();
-        // The one that is surest is found first, and others by it, too.
-        while clocks.iter().any(Option::is_none) {
-            let unknown = (0..clocks.len()).filter(|k| clocks[*k].is_none());
-            let by = |k: usize| {
-                let known = clocks.iter().enumerate().filter_map(|(j, clock)| Some((j, (*clock)?)));
-                let found = known.filter_map(|(j, clock)| {
-                    let (offset, agreement) = signals[j].offset_to(&signals[k])?;
-                    Some((agreement, k, clock + offset))
-                });
-                found.max_by(|a, b| a.0.total_cmp(&b.0))
-            };
-            match unknown.filter_map(by).max_by(|a, b| a.0.total_cmp(&b.0)) {
-                Some((_, k, clock)) => clocks[k] = Some(clock),
-                None => {
-                    let first = clocks.iter().position(Option::is_none).and_then(|k| cameras.get(k));
-                    let camera = first.map_or(String::new(), |camera| camera.id.clone());
-                    return Err(BoardError::UnknownClock { camera });
-                }
-            }
-        }
-    }
-    films.iter_mut().zip(clocks).for_each(|(film, clock)| film.clock = clock.unwrap_or(0.0));
-    Ok(())
 }

@@ -1,96 +1,71 @@
-//! How much a clock differs from another one, from how the board moves: it turns and moves as fast for all cameras,
-//! wherever these are. Good to a frame or so; the bundle adjustment then finds the rest.
+//! Clocks that are not given: of the times at which the board moves alike, the one at which cameras also see it at the same
+//! place. Good to a frame or so; the bundle adjustment then finds the rest.
 
-use glam::DVec3;
+use rayon::prelude::*;
 
+use super::bundle::FilmCamera;
+use super::intrinsics::pose_in;
+use super::joint::{Cameras, alike};
+use super::placing::{Alike, Pair, pair};
 use super::pose::Pose;
-use super::track::Track;
+use super::signal::Signal;
+use crate::BoardError;
 
-/// Samples of a signal per second.
-const RATE: f64 = 60.0;
-/// Over this time speeds are measured, seconds.
-const SPAN: f64 = 0.1;
-/// Clocks are compared over at least this time, seconds.
-const LEAST_OVERLAP: f64 = 1.5;
-/// Clocks differ by at most this, seconds.
-const MOST_OFFSET: f64 = 60.0;
-/// Movements that agree by less (correlation) do not tell the time.
-const LEAST_AGREEMENT: f64 = 0.6;
-/// A speed of the board in metres per second counts as so many radians per second.
-const RADIANS_PER_METRE: f64 = 4.0;
+/// Moments at which two cameras' boards are compared, and how many must support the same place of the cameras.
+const MOMENTS: usize = 60;
+const LEAST_SUPPORT: usize = 8;
+const LEAST_PART: f64 = 0.7;
 
-/// How the board moves, in equal steps of time: how fast it turns and moves.
-pub(super) struct Signal {
-    start: f64,
-    samples: Vec<Option<[f64; 2]>>,
-}
-
-impl Signal {
-    /// From the board's pose in each image of a track, where there is one; `middle` is the board's.
-    pub(super) fn of(track: &Track, poses: &[Option<Pose>], middle: DVec3) -> Signal {
-        let start = track.times.first().copied().unwrap_or(0.0);
-        let end = track.times.last().copied().unwrap_or(0.0);
-        let count = ((end - start) * RATE) as usize + 1;
-        let sample = |k: usize| {
-            let time = start + k as f64 / RATE;
-            let [before, after] = [time - 0.5 * SPAN, time + 0.5 * SPAN].map(|time| nearest(track, time));
-            let [before, after] = [before?, after?];
-            if after <= before || !(before..after).all(|k| track.is_followed(k)) {
-                return None;
+/// What to add to the first camera's time to have each one's, seconds: as given, or as the board tells.
+pub(super) fn clocks(all: &Cameras, films: &[FilmCamera]) -> Result<Vec<f64>, BoardError> {
+    let given = all.cameras.iter().enumerate().map(|(k, camera)| if k == 0 { Some(0.0) } else { camera.clock });
+    let mut clocks: Vec<Option<f64>> = given.collect();
+    if clocks.iter().all(Option::is_some) {
+        return Ok(clocks.into_iter().flatten().collect());
+    }
+    let middle = (0.5 * all.kind.size()).extend(0.0);
+    let signal = |(film, track): (&FilmCamera, &super::track::Track)| {
+        let poses: Vec<Option<Pose>> =
+            track.views.iter().map(|view| pose_in(view, &film.lens, all.kind).map(|(pose, _)| pose)).collect();
+        Signal::of(track, &poses, middle)
+    };
+    let signals: Vec<Signal> = films.par_iter().zip(all.tracks).map(signal).collect();
+    // Those that most moments support are found first, and others by them, too.
+    while clocks.iter().any(Option::is_none) {
+        let mut best: Option<(usize, usize, f64)> = None;
+        for unknown in (0..clocks.len()).filter(|k| clocks[*k].is_none()) {
+            for (known, clock) in clocks.iter().enumerate().filter_map(|(k, clock)| Some((k, (*clock)?))) {
+                for offset in signals[known].offsets_to(&signals[unknown]) {
+                    let support = support(all, films, (known, unknown), offset);
+                    if support >= LEAST_SUPPORT && best.is_none_or(|(most, ..)| support > most) {
+                        best = Some((support, unknown, clock + offset));
+                    }
+                }
             }
-            let (a, b) = (poses.get(before)?.as_ref()?, poses.get(after)?.as_ref()?);
-            let elapsed = track.times[after] - track.times[before];
-            let moved = a.of(middle).distance(b.of(middle));
-            Some([a.angle(b) / elapsed, RADIANS_PER_METRE * moved / elapsed])
+        }
+        let Some((_, found, clock)) = best else {
+            let lost = all.cameras.iter().zip(&clocks).find(|(_, clock)| clock.is_none());
+            let camera = lost.map_or(String::new(), |(camera, _)| camera.id.clone());
+            return Err(BoardError::UnknownClock { camera });
         };
-        Signal { start, samples: (0..count).map(sample).collect() }
+        clocks[found] = Some(clock);
     }
-
-    /// What to add to this signal's time to have the other one's, seconds, and how well they agree; `None` if the movements
-    /// agree too little.
-    pub(super) fn offset_to(&self, other: &Signal) -> Option<(f64, f64)> {
-        let most = (MOST_OFFSET * RATE) as i64;
-        let same_time = ((self.start - other.start) * RATE) as i64;
-        let lags = same_time - most..=same_time + most;
-        let found: Vec<(i64, f64)> = lags.filter_map(|lag| Some((lag, self.agreement(other, lag)?))).collect();
-        let best = found.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
-        let near = |by: i64| found.iter().find(|(lag, _)| *lag == best.0 + by).map_or(best.1, |(_, value)| *value);
-        let curvature = near(-1) - 2.0 * best.1 + near(1);
-        let part = if curvature < 0.0 { (0.5 * (near(-1) - near(1)) / curvature).clamp(-0.5, 0.5) } else { 0.0 };
-        let seconds = other.start - self.start + (best.0 as f64 + part) / RATE;
-        (best.1 >= LEAST_AGREEMENT).then_some((seconds, best.1))
-    }
-
-    /// The correlation if sample i of this signal is sample i + lag of the other one.
-    fn agreement(&self, other: &Signal, lag: i64) -> Option<f64> {
-        let pairs: Vec<(&[f64; 2], &[f64; 2])> = (self.samples.iter().enumerate())
-            .filter_map(|(i, sample)| {
-                let j = usize::try_from(i as i64 + lag).ok()?;
-                Some((sample.as_ref()?, other.samples.get(j)?.as_ref()?))
-            })
-            .collect();
-        if (pairs.len() as f64) < LEAST_OVERLAP * RATE {
-            return None;
-        }
-        let count = pairs.len() as f64;
-        let (mut covariance, mut first, mut second) = (0.0, 0.0, 0.0);
-        for k in 0..2 {
-            let (x, y) = pairs.iter().fold((0.0, 0.0), |sum, (x, y)| (sum.0 + x[k] / count, sum.1 + y[k] / count));
-            for (a, b) in &pairs {
-                covariance += (a[k] - x) * (b[k] - y);
-                first += (a[k] - x).powi(2);
-                second += (b[k] - y).powi(2);
-            }
-        }
-        (first > 0.0 && second > 0.0).then(|| covariance / (first * second).sqrt())
-    }
+    Ok(clocks.into_iter().flatten().collect())
 }
 
-/// The image whose time is nearest; `None` beyond half the span.
-fn nearest(track: &Track, time: f64) -> Option<usize> {
-    let after = track.times.partition_point(|t| *t < time);
-    let off = |k: &usize| (track.times[*k] - time).abs();
-    let near = [after.checked_sub(1), Some(after).filter(|k| *k < track.times.len())];
-    let nearest = near.into_iter().flatten().min_by(|a, b| off(a).total_cmp(&off(b)))?;
-    (off(&nearest) <= 0.5 * SPAN).then_some(nearest)
+/// How many moments support a difference of two cameras' clocks, seconds: then the board moves rigidly in both. 0 if many do
+/// not.
+fn support(all: &Cameras, films: &[FilmCamera], (first, second): (usize, usize), offset: f64) -> usize {
+    let times = &all.tracks[first].times;
+    let common: Vec<f64> = times.iter().copied().filter(|t| all.tracks[second].at(t + offset).is_some()).collect();
+    let moment = |time: &f64| -> Option<(Pose, Alike)> {
+        let of = |camera: usize, time: f64| alike(&all.tracks[camera].at(time)?, &films[camera].lens, all.kind);
+        Some((*of(first, *time)?.first()?, of(second, time + offset)?))
+    };
+    let few = common.iter().step_by(common.len().div_ceil(MOMENTS).max(1));
+    let moments: Vec<(Pose, Alike)> = few.filter_map(moment).collect();
+    match pair(&moments) {
+        Some(Pair { support, .. }) if support as f64 >= LEAST_PART * moments.len() as f64 => support,
+        _ => 0,
+    }
 }

@@ -105,17 +105,18 @@ fn sightings(all: &Cameras, films: &[FilmCamera], (camera, view): (usize, usize)
     let time = all.tracks[camera].times[view] - films[camera].clock;
     let sighting = |(camera, (track, film)): (usize, (&Track, &FilmCamera))| {
         let corners = track.at(time + film.clock)?;
-        let pose = pose_of(&corners, &film.lens, all.kind)?;
-        let alike = all.kind.symmetries().iter().map(|symmetry| pose.after(&turn(all.kind, symmetry))).collect();
+        let alike = alike(&corners, &film.lens, all.kind)?;
         Some(Sighting { camera, corners, alike })
     };
     all.tracks.iter().zip(films).enumerate().filter_map(sighting).collect()
 }
 
-fn pose_of(corners: &[MovingCorner], lens: &Lens, kind: &BoardKind) -> Option<Pose> {
+/// The board's pose `camera_from_board`, and those in which it looks alike.
+pub(super) fn alike(corners: &[MovingCorner], lens: &Lens, kind: &BoardKind) -> Option<Alike> {
     let seen = corners.iter().filter_map(|corner| Some((kind.corner(corner.number), lens.ray(corner.pixel)?)));
     let (places, rays): (Vec<_>, Vec<_>) = seen.unzip();
-    Some(board_pose(&places, &rays)?.0)
+    let (pose, _) = board_pose(&places, &rays)?;
+    Some(kind.symmetries().iter().map(|symmetry| pose.after(&turn(kind, symmetry))).collect())
 }
 
 /// The map of the board to itself that takes each corner's place to that of the corner which a symmetry has for it.

@@ -19,6 +19,12 @@ const UNSURE_FOCAL: f64 = 0.01;
 const UNSURE_ROTATION: f64 = 0.005;
 const UNSURE_PLACE: f64 = 0.003;
 const UNSURE_CLOCK: f64 = 0.008;
+/// A clock that differs by more from the given one is told, seconds.
+const OTHER_CLOCK: f64 = 0.1;
+/// Corners that are off by more than this many times the noise, and half the distance that is told, do not fit; from this part
+/// of them on it is told.
+const MISFIT: f64 = 6.0;
+const MANY_MISFITS: f64 = 0.15;
 /// A median distance of corners that is told, relative to the image's diagonal: a pixel of 640 x 480.
 const LARGE_RESIDUAL: f64 = 1.0 / 800.0;
 
@@ -27,7 +33,7 @@ pub(super) fn report(all: &Cameras, solved: &Solved) -> BoardCalibration {
     let mut remarks: Vec<String> = all.kind.assumption().into_iter().collect();
     let mut cameras = vec![];
     for (k, (camera, film)) in all.cameras.iter().zip(&solved.state.cameras).enumerate() {
-        let (residual, views) = residual(solved, k);
+        let (residual, views, misfits) = residual(solved, k);
         let found = CalibratedCamera {
             lens: film.lens.at(&camera.id, &film.place),
             clock: film.clock,
@@ -37,24 +43,46 @@ pub(super) fn report(all: &Cameras, solved: &Solved) -> BoardCalibration {
             errors: errors(solved.adjusted.covariance.as_ref(), k, film),
         };
         tell(&found, all.cameras.len() > 1, film.lens.diagonal(), &mut remarks);
+        if let Some(given) = camera.clock.filter(|given| k > 0 && (film.clock - given).abs() > OTHER_CLOCK) {
+            let off = film.clock - given;
+            remarks.push(format!(
+                "{}: its clock differs from the given one by {off:+.2} s, as the board's movements say",
+                camera.id
+            ));
+        }
+        if misfits > MANY_MISFITS {
+            remarks.push(format!(
+                "{}: {:.0}% of the board's corners do not fit the others: the camera moved, its clock is wrong, or the board is \
+                 not flat",
+                camera.id,
+                100.0 * misfits
+            ));
+        }
         cameras.push(found);
     }
     BoardCalibration { cameras, remarks }
 }
 
-/// The median distance of a camera's corners, pixels, and the number of moments that it sees.
-fn residual(solved: &Solved, camera: usize) -> (f64, usize) {
+/// The median distance of a camera's corners, pixels, the number of moments that it sees, and the part of the corners that
+/// do not fit.
+fn residual(solved: &Solved, camera: usize) -> (f64, usize, f64) {
     let clocks: Vec<f64> = solved.state.cameras.iter().map(|camera| camera.clock).collect();
     let mut found = vec![];
     let mut views = 0;
+    let mut misfits = 0;
+    let film = &solved.state.cameras[camera];
+    let most = (MISFIT * film.noise).max(0.5 * LARGE_RESIDUAL * film.lens.diagonal());
     for moment in &solved.state.moments {
         for board in moment.seen.iter().filter(|board| board.camera == camera) {
-            found.extend(squares(&solved.state, moment, board, &clocks));
+            let squares = squares(&solved.state, moment, board, &clocks);
+            let pairs = squares.iter().zip(&board.points);
+            misfits += pairs.filter(|(square, point)| square.sqrt() > most + MISFIT * point.slack).count();
+            found.extend(squares);
             views += 1;
         }
     }
     found.sort_by(f64::total_cmp);
-    (found.get(found.len() / 2).map_or(0.0, |square| square.sqrt()), views)
+    (found.get(found.len() / 2).map_or(0.0, |square| square.sqrt()), views, misfits as f64 / found.len().max(1) as f64)
 }
 
 /// The part of an image's cells in which corners were seen.

@@ -51,6 +51,23 @@ fn an_unknown_clock_is_found_by_how_the_board_moves() {
 }
 
 #[test]
+fn a_wrong_clock_is_corrected_or_told() {
+    let truth = cameras(2, 30.0);
+    let mut seen = filmed(&charuco(), &truth, 10.0, NOISE);
+    seen[1].clock = Some(0.7);
+    let found = calibrate(&charuco(), &seen).unwrap();
+    check(&compare(&truth, &found));
+    assert!(
+        found.remarks.iter().any(|remark| remark.contains("cam1: its clock differs from the given one by -0.70 s")),
+        "{:?}",
+        found.remarks
+    );
+    seen[1].clock = Some(4.0);
+    let remarks = calibrate(&charuco(), &seen).unwrap().remarks;
+    assert!(remarks.iter().any(|remark| remark.contains("its clock is wrong")), "{remarks:?}");
+}
+
+#[test]
 fn cameras_that_never_see_the_board_together_are_placed_by_a_third_one_or_told() {
     let truth = cameras(3, 30.0);
     let mut seen = filmed(&charuco(), &truth, 12.0, NOISE);
