@@ -3,8 +3,9 @@
 //! An arm in a sleeve leans on a desk in a room; the hand moves through shapes, turns and comes nearer. Each camera has
 //! its own lens, exposure, white balance, noise and clock. A frame is the mean of some moments of its exposure; videos
 //! are compressed. Beside them lie the true cameras (`cameras.json`), the true motion and landmarks (`truth.json`), and
-//! some true masks (`truth-masks/`). The same options give the same frames and truth, up to the renderer's rounding.
+//! some true masks (`truth-masks/`). A calibration board may be shown before the hand. The same options give the same frames and truth, up to the renderer's rounding.
 
+mod board;
 mod camera_path;
 mod clock;
 mod exposure;
@@ -23,6 +24,7 @@ pub(crate) use record::record;
 
 use std::path::Path;
 
+use ghand_board::BoardKind;
 use ghand_capture::CaptureError;
 use ghand_core::Side;
 
@@ -65,6 +67,17 @@ pub struct FootageOptions {
     pub clock_drift: f64,
     /// The part of the frames that cameras lose.
     pub lost_frames: f64,
+    /// A calibration board that cameras that stand see first.
+    pub board: Option<FilmedBoard>,
+}
+
+/// A calibration board that is moved about where the hand will be.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FilmedBoard {
+    /// Which board.
+    pub kind: BoardKind,
+    /// How long it is shown, from the first camera's start; then the hand is there.
+    pub seconds: f64,
 }
 
 impl Default for FootageOptions {
@@ -81,6 +94,7 @@ impl Default for FootageOptions {
             mixed_rates: false,
             clock_drift: 0.0,
             lost_frames: 0.0,
+            board: None,
         }
     }
 }
@@ -112,6 +126,14 @@ impl FootageOptions {
             ranges.into_iter().find(|(_, value, least, most)| !(least..=most).contains(&value))
         {
             return fail(field, format!("is {value}; give {least} to {most}"));
+        }
+        if let Some(FilmedBoard { seconds, .. }) = self.board {
+            if self.is_moving {
+                return fail("board", "needs cameras that stand; omit it, or film with these".into());
+            }
+            if !(0.1..=self.seconds).contains(&seconds) {
+                return fail("board", format!("is shown for {seconds} s; give 0.1 to {} s", self.seconds));
+            }
         }
         check_is_new(folder)
     }

@@ -31,7 +31,7 @@ const SHAKE_ANGLE: f64 = 0.008;
 const SHAKE_SECONDS: f64 = 0.25;
 
 /// The middle of the hand where it usually is.
-const HAND: DVec3 = DVec3::new(0.0, -0.01, 0.0);
+pub(super) const HAND: DVec3 = DVec3::new(0.0, -0.01, 0.0);
 
 /// Where a camera is at any time. Its intrinsics do not matter.
 #[derive(Debug, Clone)]
@@ -51,7 +51,7 @@ pub(crate) enum CameraPath {
 impl CameraPath {
     /// One of `count` cameras that stand.
     pub(crate) fn standing(index: usize, count: usize, rng: &mut ChaCha8Rng) -> CameraPath {
-        let step = if count > 1 { LARGEST_STEP.min(LARGEST_ARC / (count - 1) as f64) } else { 0.0 };
+        let step = if count > 1 { arc(count) / (count - 1) as f64 } else { 0.0 };
         let mut even = || 2.0 * rng.random::<f64>() - 1.0;
         let azimuth = (index as f64 - 0.5 * (count as f64 - 1.0)) * step + 0.2 * step * even();
         let mut between = |[low, high]: [f64; 2]| low + (high - low) * (0.5 + 0.5 * even());
@@ -88,8 +88,13 @@ impl CameraPath {
     }
 }
 
+/// Angle from the first to the last of so many cameras that stand, radians.
+pub(super) fn arc(count: usize) -> f64 {
+    LARGEST_ARC.min(LARGEST_STEP * count.saturating_sub(1) as f64)
+}
+
 /// Unit vector from the hand to a camera. At azimuth 0 it sees the back of a hand that is not turned.
-fn direction(azimuth: f64, elevation: f64) -> DVec3 {
+pub(super) fn direction(azimuth: f64, elevation: f64) -> DVec3 {
     let (sin, cos) = azimuth.rem_euclid(TAU).sin_cos();
     DVec3::new(cos * elevation.cos(), -elevation.sin(), sin * elevation.cos())
 }

@@ -9,6 +9,7 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use super::FootageOptions;
+use super::board::Board;
 use super::camera_path::CameraPath;
 use super::clock::Clock;
 use super::lens::{Lens, bent};
@@ -87,6 +88,11 @@ impl FilmCamera {
         mean(moments, self.rays.len())
     }
 
+    /// What is behind everything at a moment of an exposure.
+    fn behind(&self, room: &Room, time: f64, jitter: DVec2) -> Vec<Vec3> {
+        self.behind.clone().unwrap_or_else(|| self.room_at(room, time, jitter))
+    }
+
     fn room_at(&self, room: &Room, time: f64, jitter: DVec2) -> Vec<Vec3> {
         let camera = self.at(time).camera;
         let rays: Vec<DVec2> = self.rays.iter().map(|ray| *ray + jitter / camera.focal).collect();
@@ -120,6 +126,8 @@ pub(crate) struct Scene<'a> {
     pub subject: &'a Subject,
     pub room: &'a Room,
     pub lighting: &'a SceneLighting,
+    /// What is shown before the subject.
+    pub board: Option<&'a Board>,
 }
 
 impl Scene<'_> {
@@ -135,6 +143,15 @@ impl Scene<'_> {
         render: &mut RenderScene,
     ) -> Result<(Vec<u8>, Option<Vec<bool>>), CaptureError> {
         let middle = camera.clock.time(frame);
+        if let Some(board) = self.board.filter(|board| board.is_shown(middle)) {
+            let images = camera.moments(middle).map(|(time, jitter)| {
+                let mut image = camera.behind(self.room, time, jitter);
+                board.put_over(&mut image, &camera.at(time).camera, &camera.rays, jitter, time);
+                image
+            });
+            let colors = camera.sensor.record(&mean(images, camera.rays.len()), frame);
+            return Ok((colors, wants_mask.then(|| vec![false; camera.rays.len()])));
+        }
         let posed = self.subject.posed(middle);
         let scene = SceneMesh {
             positions: &posed.positions,
@@ -151,10 +168,7 @@ impl Scene<'_> {
         for (time, jitter) in camera.moments(middle) {
             let positions = self.subject.positions(time);
             let drawn = drawn(&SceneMesh { positions: &positions, ..scene }, &camera.at(time), jitter, render);
-            let mut image = match &camera.behind {
-                Some(behind) => behind.clone(),
-                None => camera.room_at(self.room, time, jitter),
-            };
+            let mut image = camera.behind(self.room, time, jitter);
             drawn.map_err(failed)?.put_over(&mut image, camera.lens.columns());
             images.push(image);
         }

@@ -8,6 +8,7 @@ use ghand_core::{Camera, Side};
 use ghand_pictures::{Video, VideoOptions};
 use image::ExtendedColorType;
 
+use super::board::Board;
 use super::clock::Clock;
 use super::exposure::{FilmCamera, Scene};
 use super::room::Room;
@@ -43,11 +44,13 @@ pub(crate) fn record(
     let subject = Subject::random(options).map_err(|source| CaptureError::HandModel { path: folder.into(), source })?;
     let room = Room::furnished(options.seed);
     let cameras = FilmCamera::all(options, clocks, &room);
-    let scene = Scene { subject: &subject, room: &room, lighting: &lighting(LightSetup::Soft) };
+    let board = Board::of(options);
+    let lighting = lighting(LightSetup::Soft);
+    let scene = Scene { subject: &subject, room: &room, lighting: &lighting, board: board.as_ref() };
     let mut done = 0;
     make_folder(folder, |workshop| {
         let side = if options.side == Side::Left { "left" } else { "right" };
-        Truth::of(&subject, &cameras, side).write(&workshop.join("truth.json"))?;
+        Truth::of(&subject, &cameras, side, board.as_ref()).write(&workshop.join("truth.json"))?;
         write_cameras(&workshop.join("cameras.json"), &true_cameras(&cameras))?;
         for (camera, mut video) in cameras.iter().zip(videos) {
             for frame in 0..camera.clock.frames() {

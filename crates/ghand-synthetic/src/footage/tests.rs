@@ -1,6 +1,7 @@
 use std::path::Path;
 use std::process::Command;
 
+use ghand_board::{BoardCamera, BoardFinder, BoardKind, calibrate};
 use ghand_capture::cameras::list::{LensCamera, read_cameras};
 use ghand_core::Camera;
 use ghand_core::rotation::rotation_from_axis_angle;
@@ -8,6 +9,7 @@ use ghand_render::{AdapterChoice, Gpu};
 use glam::{DVec2, DVec3};
 use serde_json::Value;
 
+use super::board::Board;
 use super::clock::Clock;
 use super::exposure::{FilmCamera, Scene};
 use super::room::Room;
@@ -44,10 +46,10 @@ fn frames(options: &FootageOptions) -> (Vec<Vec<u8>>, String) {
     let subject = Subject::random(options).unwrap();
     let room = Room::furnished(options.seed);
     let cameras = FilmCamera::all(options, Clock::all(options), &room);
-    let scene = Scene { subject: &subject, room: &room, lighting: &lighting(LightSetup::Soft) };
+    let scene = Scene { subject: &subject, room: &room, lighting: &lighting(LightSetup::Soft), board: None };
     let frame = |camera, frame| scene.frame(camera, frame, false, &mut points).unwrap().0;
     let frames = cameras.iter().flat_map(|camera| [0, 11].map(|k| frame(camera, k))).collect();
-    (frames, serde_json::to_string(&Truth::of(&subject, &cameras, "right")).unwrap())
+    (frames, serde_json::to_string(&Truth::of(&subject, &cameras, "right", None)).unwrap())
 }
 
 #[test]
@@ -189,6 +191,55 @@ fn poses_of_the_truth_are_those_of_its_skeleton_and_a_moving_camera_has_a_place_
 }
 
 #[test]
+fn cameras_and_clocks_of_made_footage_are_found_by_the_board_that_it_shows_first() {
+    let kind: BoardKind = "charuco:8x6:30mm".parse().unwrap();
+    let board = Some(FilmedBoard { kind, seconds: 9.0 });
+    let options = FootageOptions { board, seconds: 10.0, width: 640, height: 480, ..options() };
+    let board = Board::of(&options).unwrap();
+    let subject = Subject::random(&options).unwrap();
+    let room = Room::furnished(options.seed);
+    let cameras = FilmCamera::all(&options, Clock::all(&options), &room);
+    let lighting = lighting(LightSetup::Soft);
+    let scene = Scene { subject: &subject, room: &room, lighting: &lighting, board: Some(&board) };
+    let finder = BoardFinder::new(&kind).unwrap();
+    let mut seen = vec![];
+    for camera in &cameras {
+        let mut found = BoardCamera::new(camera.id.clone(), [640, 480], Some(0.0));
+        // Every third one: it is still for three frames of ten.
+        for frame in (0..9 * 30).step_by(3) {
+            let (rgb, mask) = scene.frame(camera, frame, true, &mut |_, _| panic!("no hand yet")).unwrap();
+            assert!(mask.unwrap().iter().all(|hand| !hand));
+            let time = camera.clock.time(frame) - camera.clock.start;
+            found.add(time, finder.find_in_rgb(&rgb, 640, 480).unwrap());
+        }
+        println!("{}: {} of {}", found.id, found.views.len(), found.images);
+        seen.push(found);
+    }
+    let found = calibrate(&kind, &seen).unwrap();
+    let first = cameras[0].at(0.0).camera;
+    for (camera, found) in cameras.iter().zip(&found.cameras) {
+        let (truth, lens) = (camera.at(0.0).camera, &found.lens.camera);
+        let turn = lens.rotation * (truth.rotation * first.rotation.transpose()).transpose();
+        let angle = (0.5 * (turn.x_axis.x + turn.y_axis.y + turn.z_axis.z - 1.0)).min(1.0).acos().to_degrees();
+        let place = lens.center().distance(first.camera_from_world(truth.center()));
+        let focal = (lens.focal / truth.focal - 1.0).abs().max_element();
+        // The start of a camera's clock is its own zero.
+        let clock = found.clock + camera.clock.start;
+        println!("{focal:.5} {angle:.3} {:.2} mm {:.2} ms {:.3} px", 1e3 * place, 1e3 * clock, found.residual);
+        assert!(focal < 0.005 && angle < 0.15 && place < 0.0015 && clock.abs() < 0.003);
+    }
+    // Places repeat, in 0.8 s each, but not at the same time in both cameras.
+    seen[1].clock = None;
+    let clock = calibrate(&kind, &seen).unwrap().cameras[1].clock + cameras[1].clock.start;
+    assert!(clock.abs() < 0.003, "{clock}");
+    // And then the hand.
+    let truth = serde_json::to_value(Truth::of(&subject, &cameras, "right", Some(&board))).unwrap();
+    assert_eq!((truth["board"]["poses"].as_array().unwrap().len(), truth["hand"].as_array().unwrap().len()), (270, 30));
+    let landmark = |frame: usize| &truth["cameras"][0]["frames"][frame]["landmarks"][9];
+    assert!(landmark(269).is_null() && landmark(270).is_array());
+}
+
+#[test]
 fn unusable_options_are_named() {
     let folder = tempfile::tempdir().unwrap();
     let error = |options: FootageOptions| options.check(&folder.path().join("new")).unwrap_err().to_string();
@@ -196,6 +247,9 @@ fn unusable_options_are_named() {
     assert!(error(FootageOptions { views: 2, is_moving: true, ..options() }).contains("views"));
     assert!(error(FootageOptions { seconds: f64::NAN, ..options() }).contains("seconds"));
     assert!(error(FootageOptions { lost_frames: 0.9, ..options() }).contains("lost frames"));
+    let board = Some(FilmedBoard { kind: "chessboard:9x6:25mm".parse().unwrap(), seconds: 2.0 });
+    assert!(error(FootageOptions { board: board.clone(), ..options() }).contains("is shown for 2 s; give 0.1 to 1 s"));
+    assert!(error(FootageOptions { board, views: 1, is_moving: true, seconds: 3.0, ..options() }).contains("stand"));
     std::fs::write(folder.path().join("file"), "").unwrap();
     assert!(options().check(folder.path()).unwrap_err().to_string().contains("not empty"));
 }

@@ -3,11 +3,13 @@
 use std::path::Path;
 
 use ghand_capture::CaptureError;
+use ghand_core::rotation::axis_angle_from_rotation;
 use ghand_files::atomic_file::write_atomically;
 use ghand_files::json_error::plain_json_error;
 use glam::DVec3;
 use serde::Serialize;
 
+use super::board::Board;
 use super::exposure::FilmCamera;
 use super::lens::pixel;
 use super::subject::Subject;
@@ -21,9 +23,29 @@ pub(crate) struct Truth {
     /// From the wrist along the bones to the tip of the middle finger.
     hand_length: f64,
     hand_model: TrueModel,
-    /// At all frames of the first camera, also lost ones.
+    /// At all frames of the first camera that show it, also lost ones.
     hand: Vec<TruePose>,
     cameras: Vec<TrueCamera>,
+    /// The board that is shown before the hand.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    board: Option<TrueBoard>,
+}
+
+#[derive(Serialize)]
+struct TrueBoard {
+    kind: String,
+    /// Until then it is shown, and the hand is not.
+    until: f64,
+    /// At the first camera's frames, also lost ones.
+    poses: Vec<BoardPose>,
+}
+
+/// Axis-angle and translation `world_from_board`.
+#[derive(Serialize)]
+struct BoardPose {
+    time: f64,
+    rotation: [f64; 3],
+    translation: [f64; 3],
 }
 
 /// The skeleton at rest.
@@ -64,7 +86,8 @@ struct TrueCamera {
 struct TrueFrame {
     /// The middle of the exposure.
     time: f64,
-    /// Where the landmarks are in the image, perhaps beyond its edges; nothing for those behind the camera.
+    /// Where the landmarks are in the image, perhaps beyond its edges; nothing for those behind the camera, and
+    /// while a board is shown.
     landmarks: Vec<Option<[f64; 2]>>,
 }
 
@@ -78,8 +101,15 @@ fn micrometres(point: DVec3) -> [f64; 3] {
     point.to_array().map(|value| rounded(value, 6))
 }
 
+fn board_pose(board: &Board, time: f64) -> BoardPose {
+    let (rotation, translation) = board.pose(time);
+    let rotation = micrometres(axis_angle_from_rotation(&rotation));
+    BoardPose { time: rounded(time, 6), rotation, translation: micrometres(translation) }
+}
+
 impl Truth {
-    pub(crate) fn of(subject: &Subject, cameras: &[FilmCamera], side: &'static str) -> Truth {
+    pub(crate) fn of(subject: &Subject, cameras: &[FilmCamera], side: &'static str, board: Option<&Board>) -> Truth {
+        let shows_hand = |time: f64| board.is_none_or(|board| !board.is_shown(time));
         let model = &subject.model;
         let parent = |parent: &Option<usize>| parent.map_or(-1, |parent| parent as i64);
         let pose_at = |time: f64| {
@@ -94,6 +124,7 @@ impl Truth {
         let frame = |camera: &FilmCamera, time: f64| {
             let lens = camera.at(time);
             let seen = |point: DVec3| pixel(&lens, point).map(|pixel| pixel.to_array().map(|value| rounded(value, 3)));
+            let seen = |point: DVec3| if shows_hand(time) { seen(point) } else { None };
             let landmarks = subject.landmarks(&subject.pose(time)).into_iter().map(seen).collect();
             TrueFrame { time: rounded(time, 6), landmarks }
         };
@@ -106,6 +137,7 @@ impl Truth {
             shutter: rounded(camera.shutter, 6),
             frames: (0..camera.clock.frames()).map(|k| frame(camera, camera.clock.time(k))).collect(),
         };
+        let times = || cameras.iter().take(1).flat_map(|first| first.clock.all_times());
         Truth {
             units: "metre",
             side,
@@ -115,8 +147,13 @@ impl Truth {
                 parents: model.parents.iter().map(parent).collect(),
                 rest: model.joints.iter().map(|joint| micrometres(*joint)).collect(),
             },
-            hand: cameras.first().map_or(vec![], |first| first.clock.all_times().map(pose_at).collect()),
+            hand: times().filter(|time| shows_hand(*time)).map(pose_at).collect(),
             cameras: cameras.iter().map(of_camera).collect(),
+            board: board.map(|board| TrueBoard {
+                kind: board.kind.to_string(),
+                until: board.until,
+                poses: times().filter(|time| board.is_shown(*time)).map(|time| board_pose(board, time)).collect(),
+            }),
         }
     }
 

@@ -82,6 +82,7 @@ impl FootageArgs {
             mixed_rates: self.mixed_rates,
             clock_drift: self.clock_drift.unwrap_or(defaults.clock_drift),
             lost_frames: self.lost_frames.unwrap_or(defaults.lost_frames),
+            ..defaults
         };
         let _claim = Claim::beside(&args.out)?;
         Interruption::listen("stopped: nothing was written")?;
