@@ -12,6 +12,9 @@ use crate::{BoardError, BoardKind, SeenCorner};
 use charuco::CharucoFinder;
 use chessboard::ChessboardFinder;
 
+/// Narrower images show no board, and the detector refuses some of them, pixels.
+const LEAST_EDGE: u32 = 32;
+
 /// What an image shows.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Sight {
@@ -55,6 +58,9 @@ impl BoardFinder {
         let needed = width as usize * height as usize;
         if gray.len() != needed || needed == 0 {
             return Err(BoardError::Image { width, height, found: gray.len(), needed: needed.max(1) });
+        }
+        if width.min(height) < LEAST_EDGE {
+            return Ok(Sight::Nothing);
         }
         let image = GrayImageView { width: width as usize, height: height as usize, data: gray };
         Ok(match &self.finder {

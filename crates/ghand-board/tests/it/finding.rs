@@ -42,8 +42,8 @@ fn corners_are_found_where_they_are_and_with_their_numbers() {
         let (median, worst) = (distances[distances.len() / 2], distances[distances.len() - 1]);
         let bias = bias.length() / distances.len() as f64;
         println!("{text}: {} of {all}, median {median:.3}, worst {worst:.3}, bias {bias:.4}", distances.len());
-        // Measured: at least 93%, 0.043, 0.54 and 0.004.
-        assert!(distances.len() as f64 >= 0.85 * all as f64, "{text}: {} of {all}", distances.len());
+        // Measured: at least 87%, 0.043, 0.42 and 0.003.
+        assert!(distances.len() as f64 >= 0.8 * all as f64, "{text}: {} of {all}", distances.len());
         assert!(median < 0.08 && worst < 1.0 && bias < 0.015, "{text}: {median} {worst} {bias}");
     }
 }
@@ -84,7 +84,7 @@ fn images_without_a_board_have_none_and_are_told() {
         let error = calibrate(&kind, &[camera]).unwrap_err().to_string();
         assert!(error.contains("left: none of its 4 images") && error.contains(&kind.to_string()), "{error}");
     }
-    for (width, height) in [(1, 1), (2, 40), (40, 2), (12, 12), (65, 33)] {
+    for (width, height) in [(1, 1), (2, 40), (40, 2), (12, 12), (32, 32), (65, 33)] {
         let image: Vec<u8> = (0..width * height).map(|_| rng.random()).collect();
         for kind in [kind("charuco:8x6:30mm"), kind("chessboard:3x3:25mm")] {
             let found = BoardFinder::new(&kind).unwrap().find(&image, width, height).unwrap();
