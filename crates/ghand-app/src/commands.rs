@@ -1,6 +1,7 @@
 //! The commands, one per module.
 
 pub mod bake;
+pub mod board;
 pub mod capture;
 pub mod evaluate;
 pub mod export;

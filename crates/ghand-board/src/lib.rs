@@ -13,6 +13,7 @@ mod error;
 mod finder;
 mod kind;
 pub mod picture;
+pub mod print;
 
 pub use calibration::{BoardCalibration, CalibratedCamera, StandardErrors, calibrate};
 pub use camera::{BoardCamera, BoardView, SeenCorner};

@@ -3,6 +3,7 @@
 use std::io;
 use std::path::PathBuf;
 
+use ghand_board::BoardError;
 use ghand_capture::CaptureError;
 use ghand_fit::alignment::AlignmentError;
 use ghand_footage::FootageError;
@@ -25,6 +26,9 @@ pub enum ImportError {
     /// Outlines cannot be followed.
     #[error(transparent)]
     Alignment(#[from] AlignmentError),
+    /// Cameras cannot be calibrated by the board.
+    #[error(transparent)]
+    Board(#[from] BoardError),
     /// The hand model cannot be used.
     #[error(transparent)]
     HandModel(#[from] HandModelError),

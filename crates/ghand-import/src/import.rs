@@ -3,6 +3,7 @@
 use std::fs;
 use std::path::PathBuf;
 
+use ghand_board::BoardKind;
 use ghand_capture::Capture;
 use ghand_capture::cameras::list::LensCamera;
 use ghand_core::{Camera, Side};
@@ -12,6 +13,7 @@ use ghand_motion::LandmarkFit;
 use ghand_motion::image_landmarks::MEDIAPIPE_TIP_INSET;
 
 use crate::ImportError;
+use crate::board::cameras_by_board;
 use crate::cameras::given_cameras;
 use crate::candidates::{candidates, image_at};
 use crate::checks::{LEAST_FRAMES, check_fit, check_sides, check_still, check_tracks, side};
@@ -39,6 +41,8 @@ pub struct ImportOptions {
     /// A calibration, a file or a folder of any kind that [`ghand_capture`] reads; without it, the hand tells where the
     /// cameras are.
     pub cameras: Option<PathBuf>,
+    /// A calibration board that all cameras saw, instead of a calibration.
+    pub board: Option<BoardKind>,
     /// Landmarks of the hand from another tracker, a file for all cameras or one for each; empty to track it.
     pub landmarks: Vec<PathBuf>,
     /// From the wrist to the tip of the middle finger, metres, where the cameras' unit of length is not known.
@@ -94,7 +98,7 @@ pub fn import(options: &ImportOptions, on_progress: &mut OnProgress) -> Result<I
     for source in &sources {
         remarks.extend(source.footage.remarks().iter().map(|remark| format!("{}: {remark}", source.id)));
     }
-    let (mut lenses, known) = given_cameras(&sources, options.cameras.as_deref(), &mut remarks)?;
+    let (mut lenses, mut known) = given_cameras(&sources, options.cameras.as_deref(), &mut remarks)?;
     for folder in [&options.out, &options.work] {
         fs::create_dir_all(folder).map_err(ImportError::write(folder))?;
     }
@@ -111,8 +115,12 @@ pub fn import(options: &ImportOptions, on_progress: &mut OnProgress) -> Result<I
     let side = side(&sources, &tracked, options.side, &mut remarks)?;
     let mut tracks: Vec<Track> =
         sources.iter().zip(&tracked).map(|(s, t)| t.hands.track(side, s.footage.times())).collect();
-    check_tracks(&sources, &tracked, &tracks, side, &mut remarks)?;
     check_still(&sources, &tracked, &mut remarks)?;
+    if let Some(kind) = &options.board {
+        lenses = cameras_by_board(&sources, &mut tracks, kind, on_progress, &mut remarks)?;
+        known = Known::All;
+    }
+    check_tracks(&sources, &tracked, &tracks, side, &mut remarks)?;
     tell(on_progress, Step::Cameras)?;
     let model = builtin_hand(side)?;
     let lengths = lengths_of(&model, tip_inset)?;

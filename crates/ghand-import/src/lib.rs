@@ -5,9 +5,11 @@
 //! 1. [`landmarks`]: the tracker finds hands in each camera's frames; [`track`] is one of them in one camera.
 //! 2. [`solve`](mod@solve): how the cameras' clocks differ ([`clocks`], [`uneven`]) and where the cameras are ([`rig`]), if that is not
 //!    given.
+//!    A calibration [`board`] tells it, too.
 //! 3. [`hand`]: one hand and all its poses.
 //! 4. [`choice`]: of the [`candidates`], frames that are sharp, sure and different; [`writing`] makes a capture of them.
 
+pub mod board;
 mod cameras;
 pub mod candidates;
 mod checks;

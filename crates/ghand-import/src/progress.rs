@@ -5,6 +5,8 @@
 pub enum Step {
     /// Finding the hand in a camera's footage.
     Tracking,
+    /// Searching a calibration board in a camera's footage.
+    Board,
     /// Cameras and clocks.
     Cameras,
     /// One hand and all its poses.

@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand};
 use ghand_app::cli::{self, AdapterArgs};
-use ghand_app::commands::{bake, capture, evaluate, export, import, inspect, pose, render, splat, track};
+use ghand_app::commands::{bake, board, capture, evaluate, export, import, inspect, pose, render, splat, track};
 
 /// Work with animatable hand avatars
 #[derive(Debug, Parser)]
@@ -28,6 +28,8 @@ enum Command {
     Bake(bake::BakeArgs),
     /// Make a synthetic capture, with known poses
     Capture(capture::MakeCaptureArgs),
+    /// Draw a calibration board for printing, in its true size (.svg)
+    Board(board::BoardArgs),
     /// Make a capture of videos of a hand
     Import(import::ImportArgs),
     /// Write or draw the mesh of a hand model in any pose and shape
@@ -71,6 +73,7 @@ fn main() -> ExitCode {
         Command::Evaluate(args) => evaluate::run(args, &arguments.adapter),
         Command::Bake(args) => bake::run(args, &arguments.adapter),
         Command::Capture(args) => capture::run(args, &arguments.adapter),
+        Command::Board(args) => board::run(args),
         Command::Import(args) => import::run(args, &arguments.adapter),
         Command::Pose(args) => pose::run(args, &arguments.adapter),
         Command::Inspect(args) => inspect::run(args, &arguments.adapter),

@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::bail;
 use clap::Args;
+use ghand_board::BoardKind;
 use ghand_capture::Capture;
 use ghand_capture::inspection::{CaptureInspection, DEFAULT_SAMPLE};
 use ghand_core::Side;
@@ -46,6 +47,10 @@ pub struct ImportArgs {
     /// The cameras' calibration; without it the hand itself tells where the cameras are
     #[arg(long, value_name = "FILE")]
     cameras: Option<PathBuf>,
+    /// A calibration board that all cameras see before or after the hand, such as charuco:8x6:30mm (squares across and down,
+    /// their side) or chessboard:9x6:25mm (inner corners); `ghand board` draws one
+    #[arg(long, value_name = "KIND", conflicts_with = "cameras")]
+    board: Option<BoardKind>,
     /// Landmarks from another tracker, in a file for all cameras or one for each; without them the hand is tracked
     #[arg(long, value_name = "FILE", num_args = 1..)]
     landmarks: Vec<PathBuf>,
@@ -95,6 +100,7 @@ pub fn run(args: &ImportArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         let options = ImportOptions {
             footage: args.footage.clone(),
             cameras: args.cameras.clone(),
+            board: args.board,
             landmarks: args.landmarks.clone(),
             hand_length: args.hand_length,
             side,
@@ -114,6 +120,7 @@ fn with_progress(options: &ImportOptions) -> anyhow::Result<Imported> {
     let imported = import(options, &mut |progress: &Progress| {
         let message = match progress.step {
             Step::Tracking => format!("finding the hand in {}", progress.subject),
+            Step::Board => format!("looking for the board in {}", progress.subject),
             Step::Cameras => "cameras and clocks".into(),
             Step::Poses => "the hand and its poses".into(),
             Step::Contours => "cameras by the hand's outlines".into(),

@@ -3,8 +3,9 @@
 use std::time::Instant;
 
 use clap::Args;
+use ghand_board::BoardKind;
 use ghand_files::claim::Claim;
-use ghand_synthetic::footage::FootageOptions;
+use ghand_synthetic::footage::{FilmedBoard, FootageOptions};
 use ghand_synthetic::make_footage::make_footage;
 use indicatif::{ProgressBar, ProgressStyle};
 
@@ -13,6 +14,8 @@ use crate::cli::AdapterArgs;
 use crate::say;
 use crate::train_run::interruption::Interruption;
 
+/// How long the calibration board is shown.
+const BOARD_SECONDS: f64 = 5.0;
 /// Options of captures that footage does not have.
 const OF_CAPTURES: [&str; 15] = [
     "test_views",
@@ -45,6 +48,9 @@ pub struct FootageArgs {
     /// One phone that turns around a hand held nearly still, instead of cameras that stand
     #[arg(long, requires = "footage", conflicts_with = "views")]
     moving: bool,
+    /// Show this calibration board in the first 5 seconds, such as charuco:8x6:25mm
+    #[arg(long, value_name = "KIND", requires = "footage", conflicts_with = "moving")]
+    board: Option<BoardKind>,
     /// The second of every three cameras films 25 instead of 30 frames per second
     #[arg(long, requires = "footage")]
     mixed_rates: bool,
@@ -82,7 +88,7 @@ impl FootageArgs {
             mixed_rates: self.mixed_rates,
             clock_drift: self.clock_drift.unwrap_or(defaults.clock_drift),
             lost_frames: self.lost_frames.unwrap_or(defaults.lost_frames),
-            ..defaults
+            board: self.board.map(|kind| FilmedBoard { kind, seconds: BOARD_SECONDS }),
         };
         let _claim = Claim::beside(&args.out)?;
         Interruption::listen("stopped: nothing was written")?;

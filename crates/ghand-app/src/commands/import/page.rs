@@ -79,7 +79,7 @@ impl Page<'_> {
             h2 { "To change something" }
             p {
                 "Run the command again with other options; what was tracked is kept. "
-                code { "--cameras" } " gives a calibration, " code { "--hand-length" } " the unit of length, "
+                code { "--cameras" } " gives a calibration, " code { "--board" } " a board in the footage, " code { "--hand-length" } " the unit of length, "
                 code { "--side" } " the other hand, " code { "--frames" } " their number."
             }
         };

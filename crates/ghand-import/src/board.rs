@@ -1,0 +1,86 @@
+//! Cameras by a calibration board that their footage shows before or after the hand.
+
+use ghand_board::{BoardCalibration, BoardCamera, BoardFinder, BoardKind, Sight, calibrate};
+use ghand_capture::cameras::list::LensCamera;
+
+use crate::ImportError;
+use crate::clocks;
+use crate::progress::{OnProgress, Progress, Step};
+use crate::sources::Source;
+use crate::track::Track;
+
+/// Most images of a camera in which the board is searched.
+const MOST_IMAGES: usize = 600;
+/// Images between reports of progress.
+const REPORT_EVERY: usize = 10;
+
+/// Calibrates the cameras. Corrects the times of `tracks` by the clocks that the board tells, and removes hands from images
+/// near those with the board: they hold it.
+///
+/// # Errors
+/// If a camera does not see the board well enough, or footage cannot be decoded.
+pub fn cameras_by_board(
+    sources: &[Source],
+    tracks: &mut [Track],
+    kind: &BoardKind,
+    on_progress: &mut OnProgress,
+    remarks: &mut Vec<String>,
+) -> Result<Vec<LensCamera>, ImportError> {
+    let mut cameras = vec![];
+    for (k, source) in sources.iter().enumerate() {
+        let clock = if k == 0 { Some(0.0) } else { clocks::offset(&tracks[0], &tracks[k]).map(|clock| clock.seconds) };
+        cameras.push(search(source, kind, clock, &mut tracks[k], on_progress)?);
+    }
+    let BoardCalibration { cameras: found, remarks: told } = calibrate(kind, &cameras)?;
+    remarks.extend(told);
+    for (camera, track) in found.iter().zip(tracks) {
+        remarks.push(format!(
+            "{}: calibrated by the board at {} moments, to {:.2} pixels (median); focal length good to {:.1} %",
+            camera.lens.camera.id,
+            camera.views,
+            camera.residual,
+            1e2 * camera.errors.focal
+        ));
+        if camera.clock != 0.0 {
+            remarks.push(format!(
+                "{}: by the board its clock is {:+.3} s later, which its times are corrected by",
+                camera.lens.camera.id, camera.clock
+            ));
+        }
+        track.times.iter_mut().for_each(|time| *time -= camera.clock);
+    }
+    Ok(found.into_iter().map(|camera| camera.lens).collect())
+}
+
+/// Looks for the board in the images of a camera.
+fn search(
+    source: &Source,
+    kind: &BoardKind,
+    clock: Option<f64>,
+    track: &mut Track,
+    on_progress: &mut OnProgress,
+) -> Result<BoardCamera, ImportError> {
+    let (width, height) = source.footage.size();
+    let times = source.footage.times();
+    let stride = times.len().div_ceil(MOST_IMAGES).max(1);
+    let numbers: Vec<usize> = (0..times.len()).step_by(stride).collect();
+    let finder = BoardFinder::new(kind)?;
+    let mut camera = BoardCamera::new(&source.id, [width, height], clock);
+    let mut images = source.footage.frames_at(&numbers)?;
+    let mut rgb = vec![];
+    let mut done = 0;
+    while let Some(number) = images.next_into(&mut rgb)? {
+        let sight = finder.find_in_rgb(&rgb, width, height)?;
+        if sight != Sight::Nothing {
+            let near = number.saturating_sub(stride)..(number + stride + 1).min(track.sightings.len());
+            track.sightings[near].fill(None);
+        }
+        camera.add(times[number], sight);
+        done += 1;
+        let progress = Progress { step: Step::Board, subject: source.id.clone(), done, total: numbers.len() };
+        if done % REPORT_EVERY == 0 && !on_progress(&progress) {
+            return Err(ImportError::Stopped);
+        }
+    }
+    Ok(camera)
+}
