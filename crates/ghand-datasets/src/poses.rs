@@ -7,8 +7,7 @@ use ghand_core::posing::shape_hand;
 use ghand_core::skeleton::pose_skeleton;
 use ghand_core::{HandModel, Pose, PoseSpace, Side};
 use ghand_hand_model::builtin::builtin_hand;
-use ghand_hand_model::files::mano::JOINT_NAMES;
-use ghand_hand_model::files::read::{MANO_KIND, ReadOptions, read_hand_model};
+use ghand_hand_model::files::mano::{JOINT_NAMES, LeftShapes, ManoOptions, read_mano_with_warnings};
 use ghand_motion::LandmarkFit;
 use ghand_motion::space_landmarks::{SpaceFrame, fit_hand_in_space};
 use glam::DVec3;
@@ -27,6 +26,8 @@ pub(crate) struct Posed {
     pub frames: Vec<Option<(Pose, Vec<f64>)>>,
     /// How well joints fit, if they were fitted.
     pub fit: Option<LandmarkFit>,
+    /// What the user should know.
+    pub remark: Option<String>,
 }
 
 /// The poses of some frames of a sequence.
@@ -47,19 +48,23 @@ pub(crate) fn poses(
         }
         return fitted(builtin_hand(sequence.side)?, HandModelSource::Builtin, sequence, frames);
     };
-    let options = ReadOptions { uv_obj: None, left_shapes: sequence.left_shapes };
-    let file = read_hand_model(path, &options)?;
+    let options = ManoOptions { left_shapes: sequence.left_shapes, ..ManoOptions::default() };
+    let file = read_mano_with_warnings(path, &options)?;
     let fail = |problem: String| Err(DatasetError::file(path, problem));
-    if file.kind != MANO_KIND {
-        return fail(format!("is a {}, not MANO's model; give MANO_RIGHT.pkl or MANO_LEFT.pkl", file.kind));
-    }
+    let is_as_published = file.has_left_shape_bug && sequence.left_shapes == LeftShapes::AsPublished;
+    let remark = is_as_published.then(|| {
+        format!(
+            "shapes of left hands of {dataset} are for MANO's left model as published; give --left-shapes-as-published with \
+             --hand-model"
+        )
+    });
     let model = file.model;
     if model.side != sequence.side {
         let [is, wanted] = [model.side, sequence.side];
         return fail(format!("is a {is} hand, and the sequence is read for its {wanted} one; give the {wanted} model"));
     }
     if frames.iter().all(|frame| frame.mano.is_none()) {
-        return fitted(model, HandModelSource::Mano, sequence, frames);
+        return Ok(Posed { remark, ..fitted(model, HandModelSource::Mano, sequence, frames)? });
     }
     if model.joint_names != JOINT_NAMES {
         return fail("does not have MANO's 16 joints; give MANO_RIGHT.pkl or MANO_LEFT.pkl as downloaded".into());
@@ -72,7 +77,7 @@ pub(crate) fn poses(
         Ok(Some((pose, mano.shape.clone())))
     };
     let frames = frames.iter().map(pose).collect::<Result<_, _>>()?;
-    Ok(Posed { model, source: HandModelSource::Mano, frames, fit: None })
+    Ok(Posed { model, source: HandModelSource::Mano, frames, fit: None, remark })
 }
 
 fn fitted(
@@ -88,7 +93,7 @@ fn fitted(
     let seen: Vec<SpaceFrame> = frames.iter().map(seen).collect();
     let fitted = fit_hand_in_space(&seen, &model, sequence.tip_inset)?;
     let frames = fitted.poses.into_iter().map(|pose| Some((pose?, fitted.shape.clone()))).collect();
-    Ok(Posed { model, source, frames, fit: Some(fitted.report) })
+    Ok(Posed { model, source, frames, fit: Some(fitted.report), remark: None })
 }
 
 impl ManoPose {

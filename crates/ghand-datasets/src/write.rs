@@ -5,7 +5,7 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use ghand_capture::capture::{Frame, ImagePaths};
+use ghand_capture::capture::{Frame, HandModelSource, ImagePaths};
 use ghand_capture::images::color_correction::ColorCorrection;
 use ghand_capture::{Capture, OpenOptions, Split};
 use ghand_core::Side;
@@ -71,10 +71,11 @@ pub fn write_capture(folder: &Path, options: &Options, on_progress: &mut OnProgr
     let (dataset, mut sequence) = read(folder, options.side)?;
     let mut remarks = std::mem::take(&mut sequence.remarks);
     remarks.extend(only_with_masks(&mut sequence));
-    let chosen = spread(sequence.frames.len(), options.frames);
+    let chosen = spread(sequence.frames.len(), options.frames.max(1));
     let frames: Vec<&Annotated> = chosen.iter().filter_map(|k| sequence.frames.get(*k)).collect();
-    let Posed { model, source, frames: poses, fit } =
+    let Posed { model, source, frames: poses, fit, remark } =
         poses(dataset.name(), &sequence, &frames, options.hand_model.as_deref())?;
+    remarks.extend(remark);
     let mut numbers = vec![];
     let mut kept = vec![];
     for ((number, frame), found) in chosen.iter().zip(&frames).zip(poses) {
@@ -89,6 +90,12 @@ pub fn write_capture(folder: &Path, options: &Options, on_progress: &mut OnProgr
     }
     let views = numbers.iter().filter_map(|k| sequence.frames.get(*k)).flat_map(|frame| frame.views.iter().flatten());
     let paths = Paths::of(views);
+    if !paths.has_masks {
+        remarks.push(format!(
+            "{} has no masks of this hand: they are made when the capture is read, and may contain what the hand holds",
+            dataset.name()
+        ));
+    }
     let out = &options.out;
     // A folder with a capture.json is complete: an earlier one goes first.
     let file = out.join(CAPTURE_FILE);
@@ -114,7 +121,8 @@ pub fn write_capture(folder: &Path, options: &Options, on_progress: &mut OnProgr
     };
     capture.save()?;
     // As everyone else will see it, with the template in the person's shape.
-    let opened = Capture::open_with(out, &OpenOptions { mano: Some(model), ..OpenOptions::default() })?;
+    let mano = (capture.hand_model_source == HandModelSource::Mano).then_some(model);
+    let opened = Capture::open_with(out, &OpenOptions { mano, ..OpenOptions::default() })?;
     remarks.extend(opened.warnings);
     if let Some(fit) = &fit {
         remarks.extend(fit.remarks.iter().cloned());

@@ -89,7 +89,9 @@ fn mano_poses(hand: &Field) -> Result<Vec<ManoPose>, DatasetError> {
     let roots = hand.get("rot")?.rows(3)?;
     let fingers = hand.get("pose")?.rows(45)?;
     let places = hand.get("trans")?.rows(3)?;
-    let shape = hand.get("shape")?.numbers(10)?;
+    // One for all frames; in some files, once for each.
+    let shape = hand.get("shape")?;
+    let shape = shape.rows(10)?.into_iter().next().ok_or_else(|| shape.invalid("is empty; download it again"))?;
     if roots.len() != fingers.len() || roots.len() != places.len() {
         let [rot, pose, trans] = [&roots, &fingers, &places].map(Vec::len);
         return Err(

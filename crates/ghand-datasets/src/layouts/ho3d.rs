@@ -7,9 +7,9 @@
 //!   the evaluation split `handJoints3D` is only the wrist.
 //! - All hands are right hands.
 //! - The last digit of some sequences is the number of a camera. For these, `calibration/ABF1/calibration` has
-//!   `cam_orders.txt`, the cameras' numbers in the order of the other files, `cam_0_intrinsics.txt` and `trans_0.txt`, from
-//!   the camera (OpenCV's axes) to a common world, metres. The other cameras' folders then belong to the same capture.
-//!   Each of them has its own annotation, which must put the hand where that of the given folder has it.
+//!   `cam_orders.txt`, the cameras' numbers in the order of the other files, and `trans_0.txt`, from the camera (OpenCV's
+//!   axes) to a common world, metres. The other cameras' folders then belong to the same capture. Each of them has its own
+//!   annotation, which must put the hand where that of the given folder has it, and its own `camMat`.
 //!
 //! The world is the camera of the given folder.
 
@@ -21,15 +21,14 @@ use ghand_files::input_file;
 use ghand_hand_model::files::mano::LeftShapes;
 use ghand_motion::ik::LANDMARK_COUNT;
 use ghand_motion::space_landmarks::MANO_ORDER;
-use glam::{DMat3, DVec2, DVec3};
+use glam::{DMat3, DVec3};
 
 use super::{IMAGES, above, name, no_images, stems, with_extension};
 use crate::DatasetError;
 use crate::dataset::Layout;
 use crate::fields::{DataFile, Field};
 use crate::sequence::{
-    Annotated, Fingers, ManoPose, Mask, Picture, Place, Rigid, Sequence, View, choose_side, pinhole, pinhole_of_matrix,
-    points,
+    Annotated, Fingers, ManoPose, Mask, Place, Rigid, Sequence, View, choose_side, pinhole_of_matrix, points,
 };
 
 pub(crate) const LAYOUT: Layout = Layout {
@@ -154,15 +153,24 @@ fn siblings(folder: &Path) -> Result<Vec<Sibling>, DatasetError> {
     let mut found = vec![];
     for (place, number) in orders.iter().enumerate().filter(|(place, _)| *place != own_place) {
         let folder = above(folder, 1).join(format!("{scene}{number}"));
-        let first = stems(&folder.join("rgb"), &IMAGES).into_iter().next();
-        let Some(view) = first.and_then(|stem| view(&folder, &stem)) else { continue };
-        let [fx, fy, cx, cy] = intrinsics(&calibration.join(format!("cam_{place}_intrinsics.txt")))?;
         let camera_from_world = world_from(place)?.inverse().after(&common_from_own);
-        let size = Picture::size(&view.picture)?;
-        let lens = pinhole(&name(&folder), size, DVec2::new(fx, fy), DVec2::new(cx, cy), &camera_from_world);
+        let Some(lens) = own_lens(&folder, &camera_from_world)? else { continue };
         found.push(Sibling { folder, lens });
     }
     Ok(found)
+}
+
+/// A camera with the intrinsics of its own annotation: those of the first frame that has an image.
+fn own_lens(folder: &Path, camera_from_world: &Rigid) -> Result<Option<LensCamera>, DatasetError> {
+    for stem in stems(&folder.join("meta"), &["pkl"]) {
+        let Some(view) = view(folder, &stem) else { continue };
+        let meta = DataFile::read(&folder.join("meta").join(format!("{stem}.pkl")))?;
+        if let Some(k) = meta.root().find("camMat") {
+            let size = view.picture.size()?;
+            return Ok(Some(pinhole_of_matrix(&name(folder), size, &k.numbers(9)?, camera_from_world)));
+        }
+    }
+    Ok(None)
 }
 
 /// How far the joints of a camera's own annotation are from those of the frames, metres: the median of some frames.
@@ -205,17 +213,4 @@ fn rigid(path: &Path) -> Result<Rigid, DatasetError> {
     };
     let rotation = DMat3::from_cols_array(&[a, b, c, d, e, f, g, h, i]).transpose();
     Ok(Rigid { rotation, translation: DVec3::new(x, y, z) })
-}
-
-/// `fx`, `fy`, `ppx` and `ppy` of one line such as `Intrinsics: ppx: 1, ppy: 2, fx: 3, fy: 4`.
-fn intrinsics(path: &Path) -> Result<[f64; 4], DatasetError> {
-    let text = text_of(path)?;
-    let value = |name: &str| {
-        let item = text.split(',').find(|item| item.contains(&format!("{name}:")))?;
-        item.rsplit(':').next()?.trim().parse::<f64>().ok()
-    };
-    match ["fx", "fy", "ppx", "ppy"].map(value) {
-        [Some(fx), Some(fy), Some(cx), Some(cy)] => Ok([fx, fy, cx, cy]),
-        _ => Err(DatasetError::file(path, "must have fx, fy, ppx and ppy; download it again")),
-    }
 }

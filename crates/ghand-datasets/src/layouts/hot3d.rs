@@ -176,7 +176,7 @@ impl Stream {
     fn of(name: &str, camera: &Field) -> Result<Stream, DatasetError> {
         let calibration = camera.get("calibration")?;
         let model = calibration.get("projection_model_type")?;
-        if !model.text()?.ends_with(FISHEYE) {
+        if !model.text()?.to_uppercase().ends_with(FISHEYE) {
             return Err(model.invalid(format!("is {}, expected {FISHEYE}", model.text()?)));
         }
         let params = calibration.get("projection_params")?;

@@ -9,7 +9,7 @@ use serde_json::json;
 use crate::mano::{Mano, check_vertices, numbers, vectors};
 use crate::scene::{Scene, flat, folder, import, last_number, mark_in, options, put, refused, save, square};
 
-const FRAMES: usize = 12;
+pub const FRAMES: usize = 12;
 /// The first frame is image 3.
 const OFFSET: usize = 3;
 /// Views with images, of 1 to 8.
@@ -38,7 +38,7 @@ fn hand(side: Side) -> Py {
     ])
 }
 
-fn write(root: &Path, scene: &Scene) -> PathBuf {
+pub fn write(root: &Path, scene: &Scene) -> PathBuf {
     let cameras = || 0..8;
     let world2cam: Vec<_> = cameras().map(|c| square(&scene.camera_from_world(c), 4)).collect();
     let intrinsics: Vec<_> = cameras().map(|c| square(&scene.opencv_matrix(c), 3)).collect();
@@ -78,7 +78,7 @@ fn both_hands_are_read_of_the_still_views_by_the_offset_of_images() {
         for (c, view) in VIEWS.into_iter().enumerate() {
             check_vertices(&written, c, &scene.cameras[view - 1], |id| {
                 let (turn, fingers, place) = parts(side, last_number(id) - OFFSET);
-                let posed = mano.posed(turn, &mano.from_mean(&fingers), &shape(side)).0;
+                let posed = mano.posed(turn, &mano.with_mean(&fingers), &shape(side)).0;
                 posed.iter().map(|vertex| *vertex + place).collect()
             });
             let camera = &written.capture.cameras[c];

@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 use crate::mano::{Mano, check_vertices, numbers, vectors};
 use crate::scene::{Scene, Shown, check, folder, import, last_number, options, put, refused, rows, save};
 
-const FRAMES: usize = 12;
+pub const FRAMES: usize = 12;
 /// The size of the sensors' images.
 const SENSOR: (u32, u32) = (960, 540);
 /// In the order of a JSON object of serde, by name.
@@ -18,7 +18,7 @@ const CAMERAS: [&str; 3] = ["kinect2_left", "kinect2_middle", "kinect2_right"];
 
 /// Rigid motions, for the tree of the data set: world, object, hand.
 #[derive(Clone, Copy)]
-struct Motion(DMat3, DVec3);
+pub struct Motion(DMat3, DVec3);
 
 impl Motion {
     fn some(seed: usize) -> Motion {
@@ -54,7 +54,7 @@ fn inset(mut joints: [DVec3; 21]) -> [DVec3; 21] {
 }
 
 /// Writes a grasp by one hand; `fit` is MANO's of it.
-fn write(root: &Path, scene: &Scene, hand: Option<&dyn Fn(usize) -> Motion>, fit: &Value) -> PathBuf {
+pub fn write(root: &Path, scene: &Scene, hand: Option<&dyn Fn(usize) -> Motion>, fit: &Value) -> PathBuf {
     let folder = root.join("full28_use/bowl");
     let number = usize::from(scene.model.side == Side::Right);
     // Joints are constant in the hand's axes, so that all frames have one pose.
@@ -96,7 +96,7 @@ fn write(root: &Path, scene: &Scene, hand: Option<&dyn Fn(usize) -> Motion>, fit
 }
 
 /// A scene in which the hand of the first frame moves with the object, and perhaps against it.
-fn scene(side: Side, hand: Option<&dyn Fn(usize) -> Motion>) -> Scene {
+pub fn scene(side: Side, hand: Option<&dyn Fn(usize) -> Motion>) -> Scene {
     let mut scene = Scene::new(side, 3, SENSOR, FRAMES);
     let first = scene.poses[0].clone();
     let root = scene.model.joints[0];
@@ -177,7 +177,7 @@ fn manos_fit_is_placed_by_a_hand_that_moves_in_the_objects_axes() {
     let fit = json!([{"valid": false}, {"valid": true, "pose": pose, "betas": shape, "mTc": mano_from_hand.json()}]);
     let grasp = write(folder.path(), &scene, Some(&hand), &fit);
     let written = import(&grasp, &Options { hand_model: Some(mano.path.clone()), ..options(&out) });
-    let fingers = mano.from_mean(&mano.of_components(&components));
+    let fingers = mano.with_mean(&mano.of_components(&components));
     let vertices = mano.posed(turn, &fingers, &shape).0;
     check_vertices(&written, 1, &turned(&scene).cameras[1], |id| {
         let f = last_number(id);

@@ -8,9 +8,11 @@ use ghand_datasets::recognise;
 use ghand_test_support::mano_files::python::{Py, array, dictionary, pickle};
 use serde_json::json;
 
+use crate::mano::Mano;
 use crate::scene::{Scene, flat, folder, options, put, refused, rows, save, square};
+use crate::{arctic, contactpose, dexycb, hanco};
 
-const FRAMES: usize = 2;
+pub const FRAMES: usize = 2;
 
 /// A small sequence of each kind that needs no MANO file.
 fn freihand(root: &Path, scene: &Scene) -> PathBuf {
@@ -51,10 +53,9 @@ fn files(folder: &Path) -> Vec<PathBuf> {
 fn a_truncated_empty_or_foreign_file_is_named_with_a_remedy() {
     let (folder, out) = folder();
     let scene = Scene::new(Side::Right, 1, (64, 48), FRAMES);
-    let data: [(&str, fn(&Path, &Scene) -> PathBuf); 2] = [("freihand", freihand), ("ho3d", ho3d)];
-    for (name, write) in data {
+    for name in ["freihand", "ho3d"] {
         let root = folder.path().join(name);
-        let sequence = write(&root, &scene);
+        let sequence = if name == "freihand" { freihand(&root, &scene) } else { ho3d(&root, &scene) };
         let all = files(&root);
         assert!(all.len() >= 4);
         for file in all {
@@ -108,4 +109,63 @@ fn folders_of_nothing_known_and_an_output_that_holds_the_data_are_refused() {
     fs::write(&model, b"glTF").unwrap();
     let error = refused(&sequence, &ghand_datasets::Options { hand_model: Some(model), ..options(&out) });
     assert!(error.contains("hand.glb"), "{error}");
+}
+
+/// The first file of each kind: of one extension, under one folder of the root.
+fn kinds(root: &Path) -> Vec<PathBuf> {
+    let mut seen = vec![];
+    let mut kept = vec![];
+    // ARCTIC's moving camera is not read, and DexYCB's first frame does not show the hand.
+    let is_read = |file: &PathBuf| !file.ends_with("0/00003.jpg") && !file.ends_with("color_000000.jpg");
+    for file in files(root).into_iter().filter(is_read) {
+        let below = file.strip_prefix(root).unwrap();
+        let kind =
+            (below.iter().next().unwrap().to_owned(), below.extension().map(|e| e.to_owned()), below.iter().count());
+        if !seen.contains(&kind) {
+            seen.push(kind);
+            kept.push(file);
+        }
+    }
+    kept
+}
+
+#[test]
+fn every_kind_of_file_of_the_other_data_sets_is_named_when_it_is_damaged() {
+    let (folder, out) = folder();
+    let model = Mano::new(folder.path(), Side::Right).path;
+    let zeros = json!({"poses": [vec![0.0; 48]], "shapes": [vec![0.0; 10]], "global_t": [[[0, 0, 0]]]});
+    let hands = json!([{"valid": false}, {"valid": false}]);
+    let root = |name: &str| folder.path().join(name);
+    let scene = |cameras, size, frames| Scene::new(Side::Right, cameras, size, frames);
+    let sequences = [
+        ("hanco", hanco::write(&root("hanco"), &scene(8, (224, 224), hanco::FRAMES), |_| zeros.clone())),
+        (
+            "dexycb",
+            dexycb::write(&root("dexycb"), &scene(2, (640, 480), dexycb::FRAMES), &[0.0; 10], |_, _| vec![0.0; 51]),
+        ),
+        ("contactpose", contactpose::write(&root("contactpose"), &contactpose::scene(Side::Right, None), None, &hands)),
+        ("arctic", arctic::write(&root("arctic"), &scene(8, (320, 240), arctic::FRAMES))),
+    ];
+    for (name, sequence) in sequences {
+        let options =
+            ghand_datasets::Options { hand_model: (name == "arctic").then(|| model.clone()), ..options(&out) };
+        let kinds = kinds(&root(name));
+        assert!(kinds.len() >= 2, "{name}: {kinds:?}");
+        for file in kinds {
+            let whole = fs::read(&file).unwrap();
+            // Images are copied as they are; only their headers are read.
+            let is_image = file.extension().is_some_and(|extension| extension == "jpg" || extension == "png");
+            let half = if is_image { 0 } else { whole.len() / 2 };
+            for broken in [&whole[..half], &[]] {
+                fs::write(&file, broken).unwrap();
+                let error = refused(&sequence, &options);
+                assert!(!error.contains('\n') && error.len() < 400, "{error}");
+                assert!(error.contains(&*file.file_name().unwrap().to_string_lossy()), "{}: {error}", file.display());
+                assert!(!out.join("capture.json").exists());
+            }
+            fs::write(&file, whole).unwrap();
+        }
+        ghand_datasets::write_capture(&sequence, &options, &mut |_| true).unwrap();
+        fs::remove_dir_all(&out).unwrap();
+    }
 }

@@ -8,7 +8,7 @@ use glam::DVec3;
 use crate::mano::{Mano, check_vertices, numbers, vectors};
 use crate::scene::{Label, Scene, Shown, check, flat, folder, import, last_number, options, put, refused, save};
 
-const FRAMES: usize = 13;
+pub const FRAMES: usize = 13;
 /// The hand is not there in the first frame.
 const WITHOUT: usize = 1;
 const SERIALS: [&str; 2] = ["836212060125", "840412060917"];
@@ -18,7 +18,7 @@ fn list(numbers: &[f64]) -> String {
 }
 
 /// Writes a sequence; `mano` are the 51 numbers of a camera and a frame.
-fn write(root: &Path, scene: &Scene, shape: &[f64], mano: impl Fn(usize, usize) -> Vec<f64>) -> PathBuf {
+pub fn write(root: &Path, scene: &Scene, shape: &[f64], mano: impl Fn(usize, usize) -> Vec<f64>) -> PathBuf {
     let sequence = root.join("20200709-subject-01/20200709_141754");
     let side = scene.model.side;
     put(
@@ -114,7 +114,7 @@ fn components_are_of_the_mean_pose_in_the_axes_of_each_camera() {
     let here = ghand_core::Camera::look_at(DVec3::ZERO, DVec3::Z, -DVec3::Y, 0.5, 224, 224);
     check_vertices(&written, 0, &here, |id| {
         let (turn, components, place) = parts(scene_frame(id));
-        let fingers = mano.from_mean(&mano.of_components(&components));
+        let fingers = mano.with_mean(&mano.of_components(&components));
         mano.posed(turn, &fingers, &shape).0.iter().map(|vertex| *vertex + place).collect()
     });
     let left = Mano::new(folder.path(), Side::Left);

@@ -12,7 +12,7 @@ use crate::scene::{
     save,
 };
 
-const FRAMES: usize = 12;
+pub const FRAMES: usize = 12;
 const SIZE: (u32, u32) = (224, 224);
 
 /// The principal point of all images, with the first pixel's centre at (0, 0).
@@ -93,7 +93,7 @@ fn manos_hand_has_its_middle_knuckle_at_that_joint() {
     assert_eq!(here.rotation, glam::DMat3::IDENTITY);
     check_vertices(&written, 0, &here, |id| {
         let sample = last_number(id);
-        let (vertices, joints) = mano.posed(root_of(sample), &mano.from_mean(&fingers(sample)), &shape);
+        let (vertices, joints) = mano.posed(root_of(sample), &mano.with_mean(&fingers(sample)), &shape);
         let shift = scene.joints_in_camera(0, sample)[MIDDLE_KNUCKLE] - joints[4];
         vertices.iter().map(|vertex| *vertex + shift).collect()
     });

@@ -10,10 +10,10 @@ use crate::scene::{
     Label, Scene, Shown, check, flat, folder, import, last_number, options, put, refused, rows, save, square,
 };
 
-const FRAMES: usize = 12;
+pub const FRAMES: usize = 12;
 
 /// Writes sequence 110 and a meta file in which frame 3 has no fit.
-fn write(root: &Path, scene: &Scene, mano: impl Fn(usize) -> serde_json::Value) -> PathBuf {
+pub fn write(root: &Path, scene: &Scene, mano: impl Fn(usize) -> serde_json::Value) -> PathBuf {
     let has_fit: Vec<Vec<bool>> = (0..112).map(|s| (0..FRAMES).map(|f| !(s == 110 && f == 3)).collect()).collect();
     let object_id: Vec<Vec<Option<i32>>> = vec![vec![None; 3], vec![Some(1), None]];
     put(root.join("meta.json"), json!({"has_fit": has_fit, "object_id": object_id}).to_string());
@@ -72,6 +72,6 @@ fn manos_parameters_are_of_the_world_and_from_the_mean_pose() {
     let written = import(&sequence, &Options { hand_model: Some(mano.path.clone()), ..options(&out) });
     check_vertices(&written, 3, &scene.cameras[3], |id| {
         let (turn, fingers, shape, place) = parts(last_number(id));
-        mano.posed(turn, &mano.from_mean(&fingers), &shape).0.iter().map(|vertex| *vertex + place).collect()
+        mano.posed(turn, &mano.with_mean(&fingers), &shape).0.iter().map(|vertex| *vertex + place).collect()
     });
 }

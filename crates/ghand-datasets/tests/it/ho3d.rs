@@ -10,7 +10,7 @@ use image::{Rgb, RgbImage};
 use crate::mano::{Mano, check_vertices, numbers, vectors};
 use crate::scene::{Label, Scene, Shown, check, flat, folder, import, last_number, options, put, refused, save};
 
-const FRAMES: usize = 12;
+pub const FRAMES: usize = 12;
 /// MANO's joint or tip at each of MediaPipe's landmarks.
 const ORDER: [usize; 21] = [0, 13, 14, 15, 16, 1, 2, 3, 17, 4, 5, 6, 18, 10, 11, 12, 19, 7, 8, 9, 20];
 /// Frame 2 has no annotation.
@@ -81,11 +81,6 @@ fn write_scene(root: &Path, scene: &Scene) -> PathBuf {
     let calibration = root.join("calibration/ABF1/calibration");
     put(calibration.join("cam_orders.txt"), "2\n0\n4\n3\n1\n");
     for (place, camera) in [2, 0, 4, 3, 1].into_iter().enumerate() {
-        let [fx, _, cx, _, fy, cy, ..] = scene.opencv_matrix(camera);
-        put(
-            calibration.join(format!("cam_{place}_intrinsics.txt")),
-            format!("Camera Color Intrinsics: ppx: {cx}, ppy: {cy}, fx: {fx}, fy: {fy}\n"),
-        );
         put(calibration.join(format!("trans_{place}.txt")), text(&scene.world_from_camera(camera), 4));
     }
     write_camera(root, "ABF10", scene, 0, DVec3::ZERO, zeros);

@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use crate::mano::{Mano, check_vertices, numbers, vectors};
 use crate::scene::{Scene, folder, import, last_number, mark_in, marked, options, refused};
 
-const FRAMES: usize = 12;
+pub const FRAMES: usize = 12;
 const SIZE: (u32, u32) = (400, 360);
 const FOCAL: f64 = 300.0;
 const PRINCIPAL: DVec2 = DVec2::new(203.25, 176.75);
@@ -140,7 +140,7 @@ fn a_moving_headsets_clip_is_a_hand_that_moves_before_a_still_pinhole_camera() {
         check_vertices(&written, 0, &here, |id| {
             let f = last_number(id);
             let (turn, thetas, place) = parts(f);
-            let posed = mano.posed(turn, &mano.from_mean(&mano.of_components(&thetas)), &shape()).0;
+            let posed = mano.posed(turn, &mano.with_mean(&mano.of_components(&thetas)), &shape()).0;
             posed.iter().map(|vertex| headset.camera_from_world(f, *vertex + place)).collect()
         });
         let mut marks = vec![];

@@ -41,7 +41,7 @@ impl Mano {
     }
 
     /// Fingers from the flat hand of numbers from the mean pose.
-    pub fn from_mean(&self, fingers: &[DVec3]) -> Vec<DVec3> {
+    pub fn with_mean(&self, fingers: &[DVec3]) -> Vec<DVec3> {
         let space = self.model.pose_space.as_ref().unwrap();
         space.mean.iter().zip(fingers).map(|(mean, own)| *mean + *own).collect()
     }

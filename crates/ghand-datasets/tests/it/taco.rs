@@ -11,7 +11,7 @@ use crate::mano::{Mano, check_vertices, numbers, vectors};
 use crate::scene::{Scene, flat, folder, import, last_number, mark_in, options, put, save};
 use crate::torch::tensor;
 
-const FRAMES: usize = 10;
+pub const FRAMES: usize = 10;
 const NAMES: [&str; 2] = ["(stir, spoon, bowl)", "20231105_019"];
 const SERIALS: [&str; 2] = ["22070938", "22139905"];
 
@@ -24,7 +24,7 @@ fn shape() -> Vec<f64> {
 }
 
 /// Writes videos of the scene, calibrated at twice their size.
-fn write(root: &Path, scene: &Scene) -> PathBuf {
+pub fn write(root: &Path, scene: &Scene) -> PathBuf {
     let below = |part: &str| root.join(part).join(NAMES[0]).join(NAMES[1]);
     let videos = below("Allocentric_RGB_Videos");
     let mut calibration = serde_json::Map::new();
