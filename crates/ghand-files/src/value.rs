@@ -10,6 +10,7 @@ mod json;
 mod other_formats;
 mod python;
 mod pytorch;
+mod yaml;
 
 use std::path::Path;
 
@@ -75,6 +76,15 @@ impl Value {
             Some(unpacked) => Value::from_plain_bytes(&unpacked),
             None => Value::from_plain_bytes(bytes),
         }
+    }
+
+    /// Reads the first document of a text in YAML. All scalars are [`Value::Text`], also numbers: [`Value::read`] does not
+    /// recognise YAML, because it has no signs of its own.
+    ///
+    /// # Errors
+    /// The problem, as the end of a sentence about the text.
+    pub fn from_yaml(text: &str) -> Result<Value, String> {
+        yaml::from_yaml(text)
     }
 
     fn from_plain_bytes(bytes: &[u8]) -> Result<Value, ValueError> {

@@ -15,6 +15,7 @@ pub mod one_euro;
 pub mod pose_sequence;
 pub mod rest_skeleton;
 pub mod retarget;
+pub mod space_landmarks;
 #[cfg(test)]
 mod test_hands;
 

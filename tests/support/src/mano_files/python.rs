@@ -5,6 +5,7 @@ use std::io::{Cursor, Write};
 /// A value of Python.
 #[derive(Clone)]
 pub enum Py {
+    None,
     Int(i64),
     /// A string of Python 2, which is bytes.
     Str(Vec<u8>),
@@ -58,6 +59,7 @@ pub fn array(code: &'static str, shape: &[usize], fortran: bool, values: &[f64])
             "<f4" => bytes.extend((value as f32).to_le_bytes()),
             "<i4" => bytes.extend((value as i32).to_le_bytes()),
             "<i8" => bytes.extend((value as i64).to_le_bytes()),
+            "|u1" => bytes.push(value as u8),
             "<u4" => bytes.extend((value as u32).to_le_bytes()),
             other => panic!("no writer of {other}"),
         }
@@ -130,6 +132,7 @@ struct Pickler {
 impl Pickler {
     fn write(&mut self, value: &Py) {
         match value {
+            Py::None => self.out.push(b'N'),
             Py::Int(value) => self.int(*value),
             Py::Str(bytes) => {
                 self.str(bytes);

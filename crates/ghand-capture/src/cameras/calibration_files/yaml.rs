@@ -1,62 +1,26 @@
 //! YAML, and what OpenCV writes under that name: its first line is no directive, its tags name no types.
 
-use saphyr_parser::{Event, Parser, ScalarStyle};
+use ghand_files::Value;
 
-use super::node::{DEEPEST, Node};
-
-/// A list or a map whose end has not been seen.
-enum Open {
-    List(Vec<Node>),
-    /// With the name of the value that comes next.
-    Map(Vec<(String, Node)>, Option<String>),
-}
+use super::node::Node;
 
 /// The first document of a text. All scalars are texts.
 pub(super) fn node(text: &str) -> Result<Node, String> {
-    let mut open: Vec<Open> = vec![];
-    let mut parser = Parser::new_from_str(without_opencv_header(text));
-    while let Some(event) = parser.next_event() {
-        let (event, _) =
-            event.map_err(|error| format!("is not YAML: {} (line {})", error.info(), error.marker().line()))?;
-        let node = match event {
-            Event::SequenceStart(..) => {
-                open.push(Open::List(vec![]));
-                None
+    Value::from_yaml(without_opencv_header(text)).map(Node::from)
+}
+
+impl From<Value> for Node {
+    fn from(value: Value) -> Node {
+        match value {
+            Value::Text(text) => Node::Text(text),
+            Value::List(items) => Node::List(items.into_iter().map(Node::from).collect()),
+            Value::Map(entries) => {
+                Node::Map(entries.into_iter().map(|(name, value)| (name, Node::from(value))).collect())
             }
-            Event::MappingStart(..) => {
-                open.push(Open::Map(vec![], None));
-                None
-            }
-            Event::SequenceEnd | Event::MappingEnd => match open.pop() {
-                Some(Open::List(items)) => Some(Node::List(items)),
-                Some(Open::Map(entries, _)) => Some(Node::of_entries(entries)?),
-                None => None,
-            },
-            Event::Scalar(text, style, ..) => Some(match (style, text.as_ref()) {
-                (ScalarStyle::Plain, "" | "~" | "null") => Node::Nothing,
-                (_, text) => Node::Text(text.into()),
-            }),
-            Event::Alias(_) => {
-                return Err("has an alias (*name), which is not read; write the value in its place".into());
-            }
-            Event::DocumentEnd | Event::StreamEnd => break,
-            Event::Nothing | Event::StreamStart | Event::DocumentStart(_) => None,
-        };
-        if open.len() > DEEPEST {
-            return Err(format!("has more than {DEEPEST} levels; give the calibration alone"));
-        }
-        let Some(node) = node else { continue };
-        match (open.last_mut(), node) {
-            (None, node) => return Ok(node),
-            (Some(Open::List(items)), node) => items.push(node),
-            (Some(Open::Map(entries, name)), node) => match (name.take(), node) {
-                (Some(name), node) => entries.push((name, node)),
-                (None, Node::Text(text)) => *name = Some(text),
-                (None, node) => return Err(format!("has {} as a name; names must be texts", node.kind())),
-            },
+            // YAML's values have no other kind.
+            Value::Nothing | Value::Numbers(_) | Value::Unreadable(_) => Node::Nothing,
         }
     }
-    Ok(Node::Nothing)
 }
 
 /// OpenCV before version 5, and EasyMocap, begin with `%YAML:1.0`.

@@ -23,7 +23,7 @@ const ORDERS: [(&str, [usize; LANDMARK_COUNT]); 3] = [
 ];
 /// The joint at each of MediaPipe's landmarks: MANO's joints, then the tips of thumb, index, middle, ring and little
 /// finger.
-pub(crate) const MANO_ORDER: [usize; LANDMARK_COUNT] =
+pub const MANO_ORDER: [usize; LANDMARK_COUNT] =
     [0, 13, 14, 15, 16, 1, 2, 3, 17, 4, 5, 6, 18, 10, 11, 12, 19, 7, 8, 9, 20];
 /// WebXR's joint at each of MediaPipe's landmarks.
 pub(crate) const XR_ORDER: [usize; LANDMARK_COUNT] =
