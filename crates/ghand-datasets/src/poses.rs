@@ -86,10 +86,7 @@ fn fitted(
     sequence: &Sequence,
     frames: &[&Annotated],
 ) -> Result<Posed, DatasetError> {
-    let seen = |frame: &&Annotated| SpaceFrame {
-        id: frame.id.clone(),
-        points: frame.joints.map_or([None; 21], |joints| joints.map(Some)),
-    };
+    let seen = |frame: &&Annotated| SpaceFrame { id: frame.id.clone(), points: frame.joints };
     let seen: Vec<SpaceFrame> = frames.iter().map(seen).collect();
     let fitted = fit_hand_in_space(&seen, &model, sequence.tip_inset)?;
     let frames = fitted.poses.into_iter().map(|pose| Some((pose?, fitted.shape.clone()))).collect();

@@ -64,6 +64,16 @@ pub struct Written {
 
 /// Writes a capture of the sequence in `folder`. An earlier import in the same place is written over.
 ///
+/// ```no_run
+/// use ghand_datasets::{Options, write_capture};
+///
+/// let options = Options { side: None, hand_model: None, frames: 64, out: "me".into() };
+/// let folder = "DexYCB/20200709-subject-01/20200709_141754".as_ref();
+/// let written = write_capture(folder, &options, &mut |_| true)?;
+/// println!("{} of {} frames", written.capture.frames.len(), written.annotated);
+/// # Ok::<(), ghand_datasets::DatasetError>(())
+/// ```
+///
 /// # Errors
 /// [`DatasetError`]: one sentence with the file, the problem and the remedy.
 pub fn write_capture(folder: &Path, options: &Options, on_progress: &mut OnProgress) -> Result<Written, DatasetError> {

@@ -8,7 +8,7 @@ use glam::DVec3;
 use serde_json::json;
 
 use crate::mano::{Mano, check_vertices, numbers, vectors};
-use crate::scene::{Scene, flat, folder, import, last_number, mark_in, options, put, save};
+use crate::scene::{Scene, flat, folder, import, last_number, mark_in, options, put, refused, save};
 use crate::torch::tensor;
 
 pub const FRAMES: usize = 10;
@@ -94,5 +94,14 @@ fn frames_of_videos_belong_to_poses_whose_wrist_is_at_the_translation() {
             let mark = mark_in(&written.capture.image_file(c, f).unwrap());
             assert!(mark.distance(scene.pixel(c, number(&frame.id), 0)) < 1.0, "{serial} {}", frame.id);
         }
+    }
+    let poses = root.join("Hand_Poses").join(NAMES[0]).join(NAMES[1]).join("right_hand.pkl");
+    let options = Options { hand_model: Some(mano.path.clone()), ..options(&out) };
+    for (file, half) in [(poses, true), (sequence.join("22070938.mp4"), false)] {
+        let whole = std::fs::read(&file).unwrap();
+        std::fs::write(&file, &whole[..if half { whole.len() / 2 } else { 0 }]).unwrap();
+        let error = refused(&sequence, &options);
+        assert!(error.contains(&*file.file_name().unwrap().to_string_lossy()) && !error.contains('\n'), "{error}");
+        std::fs::write(&file, whole).unwrap();
     }
 }
