@@ -1,5 +1,6 @@
 //! `ghand import`: from videos of a hand to a capture.
 
+mod data_set;
 mod page;
 mod summary;
 
@@ -38,7 +39,8 @@ const LINE_EVERY: Duration = Duration::from_secs(10);
 /// Command line of `ghand import`.
 #[derive(Debug, Args)]
 pub struct ImportArgs {
-    /// Videos, or folders of pictures, one for each camera; or a folder that has one of these for each camera
+    /// Videos, or folders of pictures, one for each camera; or a folder that has one of these for each camera; or a sequence of
+    /// DexYCB, HO-3D, HOT3D, FreiHAND, HanCo, TACO, ContactPose or ARCTIC
     #[arg(value_name = "FOOTAGE", required = true)]
     footage: Vec<PathBuf>,
     /// The folder of the capture; an earlier import in it is done again with these options
@@ -61,6 +63,10 @@ pub struct ImportArgs {
     /// Which hand; both are two captures, OUT/right and OUT/left [default: the one that is seen most, right with --landmarks]
     #[arg(long, value_name = "SIDE", value_parser = ["right", "left", "both"])]
     side: Option<String>,
+    /// A data set's hand model: MANO_RIGHT.pkl or MANO_LEFT.pkl, for the poses that it gives [default: the built-in hand, fitted
+    /// to the joints that it gives]
+    #[arg(long, value_name = "FILE")]
+    hand_model: Option<PathBuf>,
     /// How many frames to choose, of which one in five is held out
     #[arg(long, value_name = "N", default_value_t = USUAL_FRAMES as u16, value_parser = clap::value_parser!(u16).range(5..))]
     frames: u16,
@@ -89,6 +95,9 @@ pub fn run(args: &ImportArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     }
     let _claim = Claim::beside(&args.out)?;
     Interruption::listen("stopped: what was tracked of whole videos is kept, and the same command goes on")?;
+    if let Some(folder) = data_set::folder(args)? {
+        return data_set::import(args, folder);
+    }
     let captures = match args.side.as_deref() {
         Some("both") => vec![(Some(Side::Right), args.out.join("right")), (Some(Side::Left), args.out.join("left"))],
         Some("left") => vec![(Some(Side::Left), args.out.clone())],
