@@ -84,14 +84,7 @@ mod tests {
         let fitted = fit_hand_in_space(&frames, &model, 0.0).unwrap();
         let rejected: Vec<&str> = fitted.report.rejected.iter().map(|(id, _)| id.as_str()).collect();
         assert_eq!(rejected, ["4"]);
-<<<<<<< HEAD
-        assert_eq!(
-            fitted.poses.iter().map(Option::is_some).collect::<Vec<_>>(),
-            [true, true, true, true, false, false]
-        );
-=======
         assert_eq!(fitted.poses.iter().map(Option::is_some).collect::<Vec<_>>(), [true, true, true, true, false, true]);
->>>>>>> data-sets
         let truth = truth.iter().chain([&truth[0]]);
         for (pose, (k, truth)) in fitted.poses.iter().flatten().zip(truth.enumerate()) {
             for (landmark, (found, truth)) in hand.landmarks(pose).iter().zip(truth).enumerate() {

@@ -118,7 +118,7 @@ fn drift_and_lost_frames_are_found_and_corrected() {
     let times: Vec<Vec<f64>> = all.iter().map(|track| track.times.clone()).collect();
     // The second clock is fast by 4 ms a second, and the third camera loses seven frames in the middle.
     all[1].times.iter_mut().for_each(|time| *time *= 1.004);
-    let kept = |k: usize| !(250..360).contains(&k) || k % 16 != 0;
+    let kept = |k: usize| !(250..360).contains(&k) || !k.is_multiple_of(16);
     let lost = &mut all[2];
     lost.sightings = (0..lost.sightings.len()).filter(|k| kept(*k)).map(|k| lost.sightings[k].clone()).collect();
     lost.times.truncate(lost.sightings.len());
