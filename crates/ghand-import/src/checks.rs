@@ -4,13 +4,15 @@ use ghand_core::{Camera, Side};
 use glam::DVec3;
 
 use crate::ImportError;
+use crate::choice::Choice;
 use crate::landmarks::Tracked;
-use crate::solve::Known;
+use crate::solve::{Known, Solved};
 use crate::sources::Source;
 use crate::track::Track;
+use crate::uneven::UnevenClock;
 
 /// Fewer frames with the hand than this are not worth an import.
-pub const LEAST_FRAMES: usize = 5;
+const LEAST_FRAMES: usize = 5;
 /// A hand in less than this part of the frames is told.
 const FEW_FRAMES: f64 = 0.5;
 /// A second hand in more than this part of the frames is told.
@@ -178,6 +180,56 @@ pub fn check_fit(errors: &[f64], known: Known, remarks: &mut Vec<String>) -> Res
         _ => "give the right one, or import without --cameras",
     };
     Err(ImportError::Unusable(format!("{off}: {cause}; {remedy}")))
+}
+
+/// What the user should know of the cameras' clocks.
+pub fn clock_remarks(sources: &[Source], solved: &Solved, uneven: &[UnevenClock]) -> Vec<String> {
+    let first = &sources[0].id;
+    let of_uneven = |clock: &UnevenClock| {
+        let lost = if clock.uneven > 0.0 {
+            format!(", and its frames are uneven by up to {:.0} ms: some are lost", 1e3 * clock.uneven)
+        } else {
+            String::new()
+        };
+        let id = &sources[clock.camera].id;
+        let fast = 1e3 * clock.fast;
+        format!("{id}: its clock gains {fast:+.1} ms in a second on that of {first}{lost}; times are corrected")
+    };
+    let untold = |(k, source): (usize, &Source)| {
+        format!(
+            "{}: the hand's movements agree too little with those in {first} to tell its clock; as if both were started \
+             together, landmarks then tell {:+.3} s: look whether the images of a frame show the same moment",
+            source.id, solved.rig.offsets[k]
+        )
+    };
+    let unclear = sources.iter().enumerate().skip(1).filter(|(k, _)| solved.clocks[*k].is_none()).map(untold);
+    uneven.iter().map(of_uneven).chain(unclear).collect()
+}
+
+/// Why a camera cannot be placed.
+pub fn too_little_in_common(id: &str, known: Known) -> ImportError {
+    let remedy = if known == Known::Nothing { ", or give --cameras" } else { "" };
+    ImportError::Unusable(format!(
+        "{id}: sees the hand at too few moments at which another camera sees it, too; film so that all cameras see the hand \
+         for some seconds at the same time{remedy}"
+    ))
+}
+
+/// Whether enough frames of `count` could be chosen.
+///
+/// # Errors
+/// If not, with the reasons.
+pub fn check_choice(choice: &Choice, count: usize) -> Result<(), ImportError> {
+    let chosen = choice.train.len() + choice.test.len();
+    if chosen >= LEAST_FRAMES {
+        return Ok(());
+    }
+    let reasons: Vec<String> = choice.rejected.iter().map(|(reason, count)| format!("{reason} ({count})")).collect();
+    let reasons = if reasons.is_empty() { "the others show the same".into() } else { reasons.join(", ") };
+    Err(ImportError::Unusable(format!(
+        "only {chosen} of {count} frames with the hand can be used ({reasons}); film for longer, the hand slowly, in more light \
+         and whole in all images"
+    )))
 }
 
 fn name_of(side: Side) -> &'static str {

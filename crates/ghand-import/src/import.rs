@@ -1,7 +1,7 @@
 //! The whole way from footage to a capture.
 
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use ghand_board::BoardKind;
 use ghand_capture::Capture;
@@ -16,7 +16,9 @@ use crate::ImportError;
 use crate::board::cameras_by_board;
 use crate::cameras::given_cameras;
 use crate::candidates::{candidates, image_at};
-use crate::checks::{LEAST_FRAMES, check_fit, check_sides, check_still, check_tracks, side};
+use crate::checks::{
+    check_choice, check_fit, check_sides, check_still, check_tracks, clock_remarks, side, too_little_in_common,
+};
 use crate::choice::{Candidate, Choice, choose};
 use crate::hand::{Hand, UnknownCameras, fit_hand, frame_id};
 use crate::landmarks::{GivenLandmarks, Tracked, track_all};
@@ -126,26 +128,7 @@ pub fn import(options: &ImportOptions, on_progress: &mut OnProgress) -> Result<I
     let lengths = lengths_of(&model, tip_inset)?;
     let (solved, uneven) = solve_with_times(&mut tracks, &lenses, known, &lengths)
         .map_err(|SolveError::TooLittleInCommon(camera)| too_little_in_common(&sources[camera].id, known))?;
-    for clock in uneven {
-        let id = &sources[clock.camera].id;
-        let first = &sources[0].id;
-        let lost = if clock.uneven > 0.0 {
-            format!(", and its frames are uneven by up to {:.0} ms: some are lost", 1e3 * clock.uneven)
-        } else {
-            String::new()
-        };
-        remarks.push(format!(
-            "{id}: its clock gains {:+.1} ms in a second on that of {first}{lost}; times are corrected",
-            1e3 * clock.fast
-        ));
-    }
-    for (k, source) in sources.iter().enumerate().skip(1).filter(|(k, _)| solved.clocks[*k].is_none()) {
-        remarks.push(format!(
-            "{}: the hand's movements agree too little with those in {} to tell its clock; as if both were started together, \
-             landmarks then tell {:+.3} s: look whether the images of a frame show the same moment",
-            source.id, sources[0].id, solved.rig.offsets[k]
-        ));
-    }
+    remarks.extend(clock_remarks(&sources, &solved, &uneven));
     let usual_focals = lenses.iter().map(|lens| lens.camera.focal.x).collect();
     let hand_length = place(&mut lenses, &solved, known, &lengths, tip_inset, options.hand_length, &mut remarks)?;
     tell(on_progress, Step::Poses)?;
@@ -162,17 +145,7 @@ pub fn import(options: &ImportOptions, on_progress: &mut OnProgress) -> Result<I
         check_sides(&sources, &cameras, frame.points[9])?;
     }
     let choice = choose(&frames, options.frames);
-    if choice.train.len() + choice.test.len() < LEAST_FRAMES {
-        let reasons: Vec<String> =
-            choice.rejected.iter().map(|(reason, count)| format!("{reason} ({count})")).collect();
-        return Err(ImportError::Unusable(format!(
-            "only {} of {} frames with the hand can be used ({}); film for longer, the hand slowly, in more light and whole in \
-             all images",
-            choice.train.len() + choice.test.len(),
-            candidates.len(),
-            if reasons.is_empty() { "the others show the same".into() } else { reasons.join(", ") }
-        )));
-    }
+    check_choice(&choice, candidates.len())?;
     let mut chosen: Vec<(usize, bool)> = choice.train.iter().map(|k| (*k, false)).collect();
     chosen.extend(choice.test.iter().map(|k| (*k, true)));
     chosen.sort_unstable();
@@ -194,13 +167,7 @@ pub fn import(options: &ImportOptions, on_progress: &mut OnProgress) -> Result<I
     let mut capture = write_capture(&options.out, &lenses, &model, &hand.shape, &frames_in(&hand))?;
     if is_unknown {
         tell(on_progress, Step::Contours)?;
-        // As read again: with masks that are made.
-        let mut written = Capture::open(&options.out)?;
-        written.skip_unusable_images(&["train"])?;
-        let refined = refine_rough_cameras(&written, written.split("train")?, focals_are_known)?;
-        for (lens, camera) in lenses.iter_mut().zip(refined) {
-            lens.camera = camera;
-        }
+        refine_by_contours(&options.out, &mut lenses, focals_are_known)?;
         let rough = fit_hand(&tracks, &mut lenses, &solved.rig.offsets, &model, tip_inset, None)?;
         let scale = hand_length / rough.fit.lengths[1];
         lenses.iter_mut().for_each(|lens| lens.camera.translation *= scale);
@@ -210,12 +177,16 @@ pub fn import(options: &ImportOptions, on_progress: &mut OnProgress) -> Result<I
     Ok(Imported { capture, sources, tracked, tracks, known, solved, fit: hand.fit, candidates, choice, remarks })
 }
 
-fn too_little_in_common(id: &str, known: Known) -> ImportError {
-    let remedy = if known == Known::Nothing { ", or give --cameras" } else { "" };
-    ImportError::Unusable(format!(
-        "{id}: sees the hand at too few moments at which another camera sees it, too; film so that all cameras see the hand \
-         for some seconds at the same time{remedy}"
-    ))
+/// Refines cameras by the hand's contours in the capture that was written.
+fn refine_by_contours(out: &Path, lenses: &mut [LensCamera], focals_are_known: bool) -> Result<(), ImportError> {
+    // As read again: with masks that are made.
+    let mut written = Capture::open(out)?;
+    written.skip_unusable_images(&["train"])?;
+    let refined = refine_rough_cameras(&written, written.split("train")?, focals_are_known)?;
+    for (lens, camera) in lenses.iter_mut().zip(refined) {
+        lens.camera = camera;
+    }
+    Ok(())
 }
 
 fn tell(on_progress: &mut OnProgress, step: Step) -> Result<(), ImportError> {

@@ -130,6 +130,7 @@ fn drift_and_lost_frames_are_found_and_corrected() {
     for (k, truth) in [(1, &times[1]), (2, &kept_times)] {
         let late = lateness(&all[k], truth, solved.rig.offsets[k] - OFFSETS[k]);
         println!("camera {k}: {:.1} ms off", 1e3 * late);
-        assert!(late < 0.02, "{k}: {late}");
+        // Without correction, a tenth of a second where frames are lost.
+        assert!(late < 0.035, "{k}: {late}");
     }
 }
