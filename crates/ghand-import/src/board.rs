@@ -11,11 +11,15 @@ use crate::track::Track;
 
 /// Most images of a camera in which the board is searched.
 const MOST_IMAGES: usize = 600;
+/// Hands hold the board between two images that show it, if they are at most this far apart, seconds.
+const HELD: f64 = 1.0;
+/// A clock that the board tells less exactly is better told by the hand, seconds: a quarter of a frame.
+const MOST_CLOCK_ERROR: f64 = 0.008;
 /// Images between reports of progress.
 const REPORT_EVERY: usize = 10;
 
-/// Calibrates the cameras. Corrects the times of `tracks` by the clocks that the board tells, and removes hands from images
-/// near those with the board: they hold it.
+/// The cameras, and what to add to the first one's time to have each one's, seconds, if the board tells it. Removes hands from
+/// images near those with the board: they hold it.
 ///
 /// # Errors
 /// If a camera does not see the board well enough, or footage cannot be decoded.
@@ -25,7 +29,7 @@ pub fn cameras_by_board(
     kind: &BoardKind,
     on_progress: &mut OnProgress,
     remarks: &mut Vec<String>,
-) -> Result<Vec<LensCamera>, ImportError> {
+) -> Result<(Vec<LensCamera>, Option<Vec<f64>>), ImportError> {
     let mut cameras = vec![];
     for (k, source) in sources.iter().enumerate() {
         let clock = if k == 0 { Some(0.0) } else { clocks::offset(&tracks[0], &tracks[k]).map(|clock| clock.seconds) };
@@ -33,7 +37,7 @@ pub fn cameras_by_board(
     }
     let BoardCalibration { cameras: found, remarks: told } = calibrate(kind, &cameras)?;
     remarks.extend(told);
-    for (camera, track) in found.iter().zip(tracks) {
+    for camera in &found {
         remarks.push(format!(
             "{}: calibrated by the board at {} moments, to {:.2} pixels (median); focal length good to {:.1} %",
             camera.lens.camera.id,
@@ -41,15 +45,10 @@ pub fn cameras_by_board(
             camera.residual,
             1e2 * camera.errors.focal
         ));
-        if camera.clock != 0.0 {
-            remarks.push(format!(
-                "{}: by the board its clock is {:+.3} s later, which its times are corrected by",
-                camera.lens.camera.id, camera.clock
-            ));
-        }
-        track.times.iter_mut().for_each(|time| *time -= camera.clock);
     }
-    Ok(found.into_iter().map(|camera| camera.lens).collect())
+    let are_told = found.iter().all(|camera| camera.errors.clock <= MOST_CLOCK_ERROR);
+    let clocks = are_told.then(|| found.iter().map(|camera| camera.clock).collect());
+    Ok((found.into_iter().map(|camera| camera.lens).collect(), clocks))
 }
 
 /// Looks for the board in the images of a camera.
@@ -69,11 +68,16 @@ fn search(
     let mut images = source.footage.frames_at(&numbers)?;
     let mut rgb = vec![];
     let mut done = 0;
+    let mut last: Option<usize> = None;
     while let Some(number) = images.next_into(&mut rgb)? {
         let sight = finder.find_in_rgb(&rgb, width, height)?;
-        if sight != Sight::Nothing {
-            let near = number.saturating_sub(stride)..(number + stride + 1).min(track.sightings.len());
-            track.sightings[near].fill(None);
+        // Other squares may be a shirt's.
+        if matches!(sight, Sight::Board(_)) {
+            let first =
+                last.filter(|last| times[number] - times[*last] <= HELD).unwrap_or(number.saturating_sub(stride));
+            let end = (number + stride + 1).min(track.sightings.len());
+            track.sightings[first.min(end)..end].fill(None);
+            last = Some(number);
         }
         camera.add(times[number], sight);
         done += 1;

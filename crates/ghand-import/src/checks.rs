@@ -26,6 +26,28 @@ const LEAST_ANGLE: f64 = 0.05;
 const USUAL_ERROR: f64 = 0.03;
 const MOST_ERROR: f64 = 0.045;
 
+/// Where cameras come from, for the causes and remedies of what is wrong with them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Origin {
+    /// A calibration that is given.
+    Given,
+    /// A board in the footage.
+    Board,
+    /// The hand itself.
+    Hand,
+}
+
+impl Origin {
+    /// Of cameras of which this was known.
+    pub fn of(is_board: bool, known: Known) -> Origin {
+        match known {
+            _ if is_board => Origin::Board,
+            Known::Nothing => Origin::Hand,
+            _ => Origin::Given,
+        }
+    }
+}
+
 /// The side of the hand that is imported.
 pub fn side(
     sources: &[Source],
@@ -157,7 +179,7 @@ pub fn check_sides(sources: &[Source], cameras: &[Camera], hand: DVec3) -> Resul
 ///
 /// # Errors
 /// If they are not.
-pub fn check_fit(errors: &[f64], known: Known, remarks: &mut Vec<String>) -> Result<(), ImportError> {
+pub fn check_fit(errors: &[f64], origin: Origin, remarks: &mut Vec<String>) -> Result<(), ImportError> {
     let mut errors = errors.to_vec();
     errors.sort_by(f64::total_cmp);
     let error = errors.get(errors.len() / 2).copied().unwrap_or(0.0);
@@ -165,21 +187,42 @@ pub fn check_fit(errors: &[f64], known: Known, remarks: &mut Vec<String>) -> Res
         return Ok(());
     }
     let off = format!("landmarks are off the hand by {:.0} % of its length (median), usually by 1 to 2 %", 1e2 * error);
-    let cause = match known {
-        Known::Nothing => "cameras moved, or do not show the same hand at the same time",
-        _ => {
-            "the calibration is not of these cameras, in this order and at this resolution, or they do not show the same hand at the same time"
+    let same = "they do not show the same hand at the same time";
+    let [cause, remedy] = match origin {
+        Origin::Hand => {
+            ["cameras moved", "film again with cameras that stand still, and give their footage of the same time"]
         }
+        Origin::Board => {
+            ["cameras moved after they saw the board", "film board and hand again without touching the cameras"]
+        }
+        Origin::Given => [
+            "the calibration is not of these cameras, in this order and at this resolution",
+            "give the right one, or import without --cameras",
+        ],
     };
     if error < MOST_ERROR {
-        remarks.push(format!("{off}: probably {cause}"));
+        remarks.push(format!("{off}: {cause}, or {same}"));
         return Ok(());
     }
-    let remedy = match known {
-        Known::Nothing => "film again with cameras that stand still, and give their footage of the same time",
-        _ => "give the right one, or import without --cameras",
+    Err(ImportError::Unusable(format!("{off}: {cause}, or {same}; {remedy}")))
+}
+
+/// Why a hand is `length` metres long by cameras whose unit is the metre.
+pub fn wrong_size(length: f64, origin: Origin) -> ImportError {
+    let cause = match origin {
+        Origin::Board => "the side of the board's squares is another than --board says",
+        Origin::Given | Origin::Hand => "their unit of length is not the metre, or they are other cameras",
     };
-    Err(ImportError::Unusable(format!("{off}: {cause}; {remedy}")))
+    ImportError::Unusable(format!(
+        "by these cameras the hand is {length:.3} m long, from the wrist to the tip of the middle finger: {cause}"
+    ))
+}
+
+/// What a single camera's focal length was taken from, if only from what is usual.
+pub fn guessed_focal(source: &Source) -> Option<String> {
+    source.footage.focal_35mm().is_none().then(|| {
+        "one camera does not tell its focal length: that of most cameras is taken; --cameras gives a calibration".into()
+    })
 }
 
 /// What the user should know of the cameras' clocks.

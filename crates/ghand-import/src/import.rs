@@ -17,7 +17,8 @@ use crate::board::cameras_by_board;
 use crate::cameras::given_cameras;
 use crate::candidates::{candidates, image_at};
 use crate::checks::{
-    check_choice, check_fit, check_sides, check_still, check_tracks, clock_remarks, side, too_little_in_common,
+    Origin, check_choice, check_fit, check_sides, check_still, check_tracks, clock_remarks, guessed_focal, side,
+    too_little_in_common, wrong_size,
 };
 use crate::choice::{Candidate, Choice, choose};
 use crate::hand::{Hand, UnknownCameras, fit_hand, frame_id};
@@ -118,19 +119,28 @@ pub fn import(options: &ImportOptions, on_progress: &mut OnProgress) -> Result<I
     let mut tracks: Vec<Track> =
         sources.iter().zip(&tracked).map(|(s, t)| t.hands.track(side, s.footage.times())).collect();
     check_still(&sources, &tracked, &mut remarks)?;
+    let mut clocks = None;
     if let Some(kind) = &options.board {
-        lenses = cameras_by_board(&sources, &mut tracks, kind, on_progress, &mut remarks)?;
+        (lenses, clocks) = cameras_by_board(&sources, &mut tracks, kind, on_progress, &mut remarks)?;
         known = Known::All;
     }
+    let clocks = clocks.as_deref();
     check_tracks(&sources, &tracked, &tracks, side, &mut remarks)?;
     tell(on_progress, Step::Cameras)?;
     let model = builtin_hand(side)?;
     let lengths = lengths_of(&model, tip_inset)?;
-    let (solved, uneven) = solve_with_times(&mut tracks, &lenses, known, &lengths)
+    let (solved, uneven) = solve_with_times(&mut tracks, &lenses, known, &lengths, clocks)
         .map_err(|SolveError::TooLittleInCommon(camera)| too_little_in_common(&sources[camera].id, known))?;
-    remarks.extend(clock_remarks(&sources, &solved, &uneven));
+    if clocks.is_none() {
+        remarks.extend(clock_remarks(&sources, &solved, &uneven));
+    }
     let usual_focals = lenses.iter().map(|lens| lens.camera.focal.x).collect();
-    let hand_length = place(&mut lenses, &solved, known, &lengths, tip_inset, options.hand_length, &mut remarks)?;
+    let origin = Origin::of(options.board.is_some(), known);
+    let hand_length = place(&mut lenses, &solved, known, &lengths, tip_inset, options.hand_length, &mut remarks)
+        .map_err(|length| wrong_size(length, origin))?;
+    if let (Known::Nothing, [source]) = (known, &sources[..]) {
+        remarks.extend(guessed_focal(source));
+    }
     tell(on_progress, Step::Poses)?;
     let is_unknown = matches!(known, Known::Nothing | Known::Lenses) && lenses.len() > 1;
     let focals_are_known = known == Known::Lenses;
@@ -139,7 +149,7 @@ pub fn import(options: &ImportOptions, on_progress: &mut OnProgress) -> Result<I
     let candidates = candidates(&tracks, &lenses, &solved.rig.offsets, &model, &hand)?;
     let frames: Vec<Candidate> = candidates.iter().map(|(_, candidate)| candidate.clone()).collect();
     let errors: Vec<f64> = frames.iter().map(|frame| frame.error).collect();
-    check_fit(&errors, known, &mut remarks)?;
+    check_fit(&errors, origin, &mut remarks)?;
     if let Some(frame) = frames.get(frames.len() / 2) {
         let cameras: Vec<Camera> = lenses.iter().map(|lens| lens.camera.clone()).collect();
         check_sides(&sources, &cameras, frame.points[9])?;
@@ -196,6 +206,9 @@ fn tell(on_progress: &mut OnProgress, step: Step) -> Result<(), ImportError> {
 
 /// Puts what was found into the cameras: places and focal lengths, and the unit of length from the hand's length, which it
 /// returns.
+///
+/// # Errors
+/// The length that no hand has, metres.
 fn place(
     lenses: &mut [LensCamera],
     solved: &Solved,
@@ -204,7 +217,7 @@ fn place(
     tip_inset: f64,
     hand_length_given: Option<f64>,
     remarks: &mut Vec<String>,
-) -> Result<f64, ImportError> {
+) -> Result<f64, f64> {
     let rig = &solved.rig;
     let own: [f64; BONES.len()] = std::array::from_fn(|k| lengths[k] * rig.bones[k].exp() * rig.size);
     let length = hand_length(&own) + tip_inset * rig.size;
@@ -213,10 +226,7 @@ fn place(
     let scale = match known {
         Known::All => {
             if lenses.len() > 1 && !(1.0 / LARGEST_SIZE..LARGEST_SIZE).contains(&rig.size) {
-                return Err(ImportError::Unusable(format!(
-                    "by these cameras the hand is {length:.3} m long, from the wrist to the tip of the middle finger; their \
-                     unit of length is not the metre, or they are other cameras"
-                )));
+                return Err(length);
             }
             1.0
         }
@@ -228,14 +238,8 @@ fn place(
     }
     if hand_length_given.is_some() && (known == Known::All || lenses.len() == 1) {
         let cause =
-            if lenses.len() == 1 { "one camera's capture has the mean hand" } else { "the calibration is in metres" };
+            if lenses.len() == 1 { "one camera's capture has the mean hand" } else { "the cameras tell the unit" };
         remarks.push(format!("--hand-length is not used: {cause}"));
-    }
-    if known == Known::Nothing && lenses.len() == 1 {
-        remarks.push(
-            "one camera does not tell its focal length: that of most cameras is taken; --cameras gives a calibration"
-                .into(),
-        );
     }
     if known != Known::All && lenses.len() > 1 && hand_length_given.is_none() {
         remarks.push(format!(

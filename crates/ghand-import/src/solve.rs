@@ -52,7 +52,8 @@ pub struct Solved {
     pub noise: f64,
 }
 
-/// Finds what is not known. `lengths` are those of the mean hand.
+/// Finds what is not known. `lengths` are those of the mean hand; `clocks`, if they are known, what to add to the first
+/// camera's time to have each one's, seconds.
 ///
 /// # Errors
 /// [`SolveError`] if cameras have too little in common.
@@ -61,11 +62,14 @@ pub fn solve(
     lenses: &[LensCamera],
     known: Known,
     lengths: &[f64; BONES.len()],
+    clocks: Option<&[f64]>,
 ) -> Result<Solved, SolveError> {
+    let given = clocks;
     let mut clocks = vec![None];
     clocks.extend(tracks.iter().skip(1).map(|track| clocks::offset(&tracks[0], track)));
     let cameras = lenses.iter().map(|lens| lens.camera.clone()).collect();
-    let offsets = clocks.iter().map(|clock| clock.map_or(0.0, |clock| clock.seconds)).collect();
+    let moved = || clocks.iter().map(|clock| clock.map_or(0.0, |clock| clock.seconds)).collect();
+    let offsets = given.map_or_else(moved, <[f64]>::to_vec);
     let mut rig = Rig { cameras, size: 1.0, bones: [0.0; BONES.len()], offsets };
     if tracks.len() < 2 {
         return Ok(Solved { rig, clocks, noise: 0.0 });
@@ -93,7 +97,7 @@ pub fn solve(
         let unknowns = Unknowns {
             places: matches!(known, Known::Nothing | Known::Lenses),
             focals: known == Known::Nothing,
-            clocks: true,
+            clocks: given.is_none(),
             size: matches!(known, Known::All | Known::AllButTheUnit),
         };
         let before = rig.offsets.clone();

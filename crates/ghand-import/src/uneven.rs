@@ -2,6 +2,7 @@
 //! reprojection tells by how much its frames come too early or too late.
 
 use ghand_capture::cameras::list::LensCamera;
+use ghand_core::statistics::median;
 
 use crate::moments::moments;
 use crate::rig::bundle::refine;
@@ -44,7 +45,8 @@ struct Lateness {
     seconds: f64,
 }
 
-/// As [`solve`], with the times of frames corrected where they are sure to be wrong; and which cameras' were.
+/// As [`solve`], with the times of frames corrected where they are sure to be wrong; and which cameras' were. None are if
+/// `clocks` are given.
 ///
 /// # Errors
 /// As there.
@@ -53,9 +55,13 @@ pub fn solve_with_times(
     lenses: &[LensCamera],
     known: Known,
     lengths: &[f64; BONES.len()],
+    clocks: Option<&[f64]>,
 ) -> Result<(Solved, Vec<UnevenClock>), SolveError> {
     let given: Vec<Vec<f64>> = tracks.iter().map(|track| track.times.clone()).collect();
-    let mut solved = solve(tracks, lenses, known, lengths)?;
+    let mut solved = solve(tracks, lenses, known, lengths, clocks)?;
+    if clocks.is_some() {
+        return Ok((solved, vec![]));
+    }
     for _ in 0..ROUNDS {
         let mut corrections = 0;
         while corrections < CORRECTIONS && correct_times(tracks, lenses, &solved, lengths) {
@@ -64,7 +70,7 @@ pub fn solve_with_times(
         if corrections == 0 {
             break;
         }
-        solved = solve(tracks, lenses, known, lengths)?;
+        solved = solve(tracks, lenses, known, lengths, None)?;
     }
     let changed = |(camera, given): (usize, &Vec<f64>)| {
         let late = |(time, given): (&f64, &f64)| Lateness { time: *time, seconds: given - time };
@@ -165,8 +171,8 @@ impl Correction {
         for (k, a) in late.iter().enumerate() {
             slopes.extend(late[k + 1..].iter().map(|b| (b.seconds - a.seconds) / (b.time - a.time)));
         }
-        let slope = median(&mut slopes);
-        let base = median(&mut late.iter().map(|late| late.seconds - slope * late.time).collect::<Vec<_>>());
+        let slope = median(slopes);
+        let base = median(late.iter().map(|late| late.seconds - slope * late.time));
         let rest = late.iter().map(|l| Lateness { seconds: l.seconds - base - slope * l.time, ..*l }).collect();
         Correction { slope, base, rest }
     }
@@ -185,11 +191,6 @@ impl Correction {
     fn largest_rest(&self) -> f64 {
         self.rest.iter().map(|late| late.seconds.abs()).fold(0.0, f64::max)
     }
-}
-
-fn median(values: &mut [f64]) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(0.0)
 }
 
 #[cfg(test)]

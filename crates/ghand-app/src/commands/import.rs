@@ -94,10 +94,10 @@ pub fn run(args: &ImportArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         bail!("--out {}: is not empty, and not the folder of an import; give another one", args.out.display());
     }
     let _claim = Claim::beside(&args.out)?;
-    Interruption::listen("stopped: what was tracked of whole videos is kept, and the same command goes on")?;
     if let Some(folder) = data_set::folder(args)? {
         return data_set::import(args, folder);
     }
+    Interruption::listen("stopped: what was tracked of whole videos is kept, and the same command goes on")?;
     let captures = match args.side.as_deref() {
         Some("both") => vec![(Some(Side::Right), args.out.join("right")), (Some(Side::Left), args.out.join("left"))],
         Some("left") => vec![(Some(Side::Left), args.out.clone())],

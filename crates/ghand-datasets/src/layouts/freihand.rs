@@ -15,6 +15,7 @@
 use std::path::Path;
 
 use ghand_core::Side;
+use ghand_core::statistics::median;
 use ghand_hand_model::files::mano::LeftShapes;
 use ghand_motion::ik::BONES;
 use glam::{DVec2, DVec3};
@@ -72,7 +73,7 @@ fn read(folder: &Path, side: Option<Side>) -> Result<Sequence, DatasetError> {
     let first = taken.first().ok_or_else(|| no_images(&folder.join("training/rgb")))?;
     let image_size = Picture::File(picture(*first)).size()?;
     let focals = taken.iter().filter_map(|k| Some(intrinsics.get(*k)?.0));
-    let focal = DVec2::new(median(focals.clone().map(|f| f.x).collect()), median(focals.map(|f| f.y).collect()));
+    let focal = DVec2::new(median(focals.clone().map(|f| f.x)), median(focals.map(|f| f.y)));
     let principal = intrinsics.get(*first).map_or(DVec2::ZERO, |(_, principal)| *principal);
     let lens = pinhole("cam0", image_size, focal, principal, &Rigid::IDENTITY);
     let frame = |k: usize| -> Option<Annotated> {
@@ -119,9 +120,4 @@ fn mano_pose(numbers: &[f64], middle_knuckle: DVec3) -> Option<ManoPose> {
 /// The length of all bones, metres.
 fn size(joints: &[DVec3; 21]) -> f64 {
     BONES.iter().map(|(from, to)| joints[*from].distance(joints[*to])).sum()
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or_default()
 }

@@ -56,7 +56,7 @@ fn the_hand_alone_tells_cameras_and_clocks() {
         let tracks = tracks(&truth, rates, 0.003, seed);
         let unknown: Vec<Camera> =
             (truth.iter()).map(|c| ghand_import::rig::start::unknown_camera(&c.id, c.width, c.height)).collect();
-        let found = solve(&tracks, &lenses(&unknown), Known::Nothing, &lengths).unwrap();
+        let found = solve(&tracks, &lenses(&unknown), Known::Nothing, &lengths, None).unwrap();
         // The hand's length is known.
         let mut cameras = found.rig.cameras.clone();
         let length = hand_length(&std::array::from_fn(|k| lengths[k] * found.rig.bones[k].exp()));
@@ -87,13 +87,15 @@ fn a_known_rig_keeps_its_place_and_tells_the_hands_size() {
     // As calibrated with a board whose squares, 43 mm long, are the unit.
     let mut squares = truth.clone();
     squares.iter_mut().for_each(|camera| camera.translation /= 0.043);
-    let found = solve(&tracks, &lenses(&squares), Known::AllButTheUnit, &lengths).unwrap();
+    let found = solve(&tracks, &lenses(&squares), Known::AllButTheUnit, &lengths, None).unwrap();
     let length = hand_length(&std::array::from_fn(|k| lengths[k] * found.rig.bones[k].exp())) * found.rig.size;
     let unit = hand_length(&lengths) / length;
     println!("one unit is {:.2} mm", 1e3 * unit);
     assert!((unit / 0.043 - 1.0).abs() < 0.03);
-    let found = solve(&tracks, &lenses(&truth), Known::All, &lengths).unwrap();
+    let found = solve(&tracks, &lenses(&truth), Known::All, &lengths, None).unwrap();
     assert_eq!(found.rig.cameras, truth);
+    let given = solve(&tracks, &lenses(&truth), Known::All, &lengths, Some(&OFFSETS[..2])).unwrap();
+    assert!(given.rig.offsets == OFFSETS[..2] && (given.rig.size - found.rig.size).abs() < 0.01);
     assert!((found.rig.size - 1.0).abs() < 0.1 && (found.rig.offsets[1] - OFFSETS[1]).abs() < 0.003);
     assert!(hand_length(&lengths) > 0.16);
     let moments = moments(&tracks, &lenses(&truth), &found.rig.offsets, &tracks[0].times);
@@ -113,7 +115,7 @@ fn drift_and_lost_frames_are_found_and_corrected() {
     let motion = Motion::new(3);
     let mut all: Vec<Track> =
         (0..3).map(|k| track(&motion, &truth[k], 30.0, 20.0, OFFSETS[k], 0.003, 60 + k as u64)).collect();
-    let even = solve_with_times(&mut all.clone(), &lenses(&truth), Known::All, &lengths).unwrap();
+    let even = solve_with_times(&mut all.clone(), &lenses(&truth), Known::All, &lengths, None).unwrap();
     assert!(even.1.is_empty(), "{:?}", even.1);
     let times: Vec<Vec<f64>> = all.iter().map(|track| track.times.clone()).collect();
     // The second clock is fast by 4 ms a second, and the third camera loses seven frames in the middle.
@@ -123,7 +125,7 @@ fn drift_and_lost_frames_are_found_and_corrected() {
     lost.sightings = (0..lost.sightings.len()).filter(|k| kept(*k)).map(|k| lost.sightings[k].clone()).collect();
     lost.times.truncate(lost.sightings.len());
     let kept_times: Vec<f64> = (0..times[2].len()).filter(|k| kept(*k)).map(|k| times[2][k]).collect();
-    let (solved, uneven) = solve_with_times(&mut all, &lenses(&truth), Known::All, &lengths).unwrap();
+    let (solved, uneven) = solve_with_times(&mut all, &lenses(&truth), Known::All, &lengths, None).unwrap();
     println!("{uneven:?}");
     assert_eq!(uneven.iter().map(|clock| clock.camera).collect::<Vec<_>>(), [1, 2]);
     assert!((uneven[0].fast - 0.004).abs() < 1e-3 && uneven[1].uneven > 0.0);

@@ -1,5 +1,6 @@
 //! Captures of published data sets.
 
+use std::fs;
 use std::path::Path;
 use std::time::Instant;
 
@@ -8,8 +9,9 @@ use ghand_core::Side;
 use ghand_datasets::{Options, Progress, Written, recognise, write_capture};
 use indicatif::{ProgressBar, ProgressStyle};
 
-use super::ImportArgs;
+use super::{ImportArgs, WORK};
 use crate::say;
+use crate::train_run::interruption::Interruption;
 
 /// The folder of a data set, if the footage is one.
 ///
@@ -44,7 +46,10 @@ pub fn folder(args: &ImportArgs) -> anyhow::Result<Option<&Path>> {
 /// # Errors
 /// One sentence with the file, the problem and the remedy.
 pub fn import(args: &ImportArgs, folder: &Path) -> anyhow::Result<()> {
+    Interruption::listen("stopped: the capture is incomplete; the same command makes it again")?;
     let start = Instant::now();
+    // Tells the folder from one of another origin, when the command is given again.
+    fs::create_dir_all(args.out.join(WORK))?;
     let options = Options {
         side: args.side.as_ref().map(|side| if side == "left" { Side::Left } else { Side::Right }),
         hand_model: args.hand_model.clone(),
