@@ -7,7 +7,7 @@ use crate::rig::LANDMARKS;
 /// Frames whose landmarks are this many times the median off the fitted hand are wrong.
 const MOST_ERROR: f64 = 2.5;
 /// Frames in which the hand is less sharp than this, relative to the sharpest tenth of its camera, are blurred.
-const LEAST_SHARPNESS: f64 = 0.55;
+pub const LEAST_SHARPNESS: f64 = 0.55;
 /// Frames that are next to each other show the same; chosen ones are at least so far apart, seconds.
 const LEAST_INTERVAL: f64 = 0.1;
 /// Frames to choose from, for each that is to be chosen.

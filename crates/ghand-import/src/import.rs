@@ -24,6 +24,7 @@ use crate::choice::{Candidate, Choice, choose};
 use crate::hand::{Hand, UnknownCameras, fit_hand, frame_id};
 use crate::landmarks::{GivenLandmarks, Tracked, track_all};
 use crate::progress::{OnProgress, Progress, Step};
+use crate::residuals::residuals;
 use crate::rig::lengths::{BONES, hand_length, lengths_of};
 use crate::solve::{Known, SolveError, Solved};
 use crate::sources::{Source, open};
@@ -82,6 +83,8 @@ pub struct Imported {
     pub choice: Choice,
     /// What the user should know, one sentence each.
     pub remarks: Vec<String>,
+    /// How far each camera saw the landmarks from the capture's hand, as [`residuals`] has it.
+    pub residuals: Vec<Vec<Option<f64>>>,
 }
 
 impl Imported {
@@ -184,7 +187,9 @@ pub fn import(options: &ImportOptions, on_progress: &mut OnProgress) -> Result<I
         hand = fit_hand(&tracks, &mut lenses, &solved.rig.offsets, &model, tip_inset, None)?;
         capture = write_capture(&options.out, &lenses, &model, &hand.shape, &frames_in(&hand))?;
     }
-    Ok(Imported { capture, sources, tracked, tracks, known, solved, fit: hand.fit, candidates, choice, remarks })
+    let residuals = residuals(&tracks, &lenses, &solved.rig.offsets, &capture.template, tip_inset, &hand.poses)?;
+    let fit = hand.fit;
+    Ok(Imported { capture, sources, tracked, tracks, known, solved, fit, candidates, choice, remarks, residuals })
 }
 
 /// Refines cameras by the hand's contours in the capture that was written.

@@ -21,6 +21,7 @@ pub mod import;
 pub mod landmarks;
 pub mod moments;
 pub mod progress;
+pub mod residuals;
 pub mod rig;
 mod sharpness;
 pub mod solve;
