@@ -21,6 +21,11 @@ figure { margin: 1.5rem 0; } figcaption { opacity: .75; font-size: .9rem; }
 
 /// The page of that title with this body.
 pub fn html_page(title: &str, body: &Markup) -> Markup {
+    html_page_with("", title, body)
+}
+
+/// The same with more styles.
+pub fn html_page_with(style: &str, title: &str, body: &Markup) -> Markup {
     html! {
         (DOCTYPE)
         html lang="en" {
@@ -28,7 +33,7 @@ pub fn html_page(title: &str, body: &Markup) -> Markup {
                 meta charset="utf-8";
                 meta name="viewport" content="width=device-width, initial-scale=1";
                 title { (title) }
-                style { (PreEscaped(STYLE)) }
+                style { (PreEscaped(STYLE)) (PreEscaped(style)) }
             }
             body { (body) }
         }

@@ -1,8 +1,14 @@
 //! `ghand import`: from videos of a hand to a capture.
 
 mod data_set;
+mod decisions;
 mod page;
+mod pictures;
+mod plan;
+mod round_step;
 mod summary;
+mod timeline;
+mod turntable;
 
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -11,7 +17,6 @@ use anyhow::bail;
 use clap::Args;
 use ghand_board::BoardKind;
 use ghand_capture::Capture;
-use ghand_capture::inspection::{CaptureInspection, DEFAULT_SAMPLE};
 use ghand_core::Side;
 use ghand_files::claim::Claim;
 use ghand_fit::alignment::results::review::review;
@@ -20,19 +25,17 @@ use ghand_import::progress::{Progress, Step};
 use ghand_import::{ImportOptions, Imported, import};
 use indicatif::{ProgressBar, ProgressStyle};
 
-use self::page::{Page, write_page};
-use self::summary::{camera_rows, clock_rows, frame_sentences};
-use super::inspect::contact_sheet::{SheetView, contact_sheet};
+use self::decisions::decisions;
+use self::page::{Found, write_page};
+use self::pictures::Pictures;
+use self::summary::{CameraSummary, cameras, clock_rows, frame_sentences};
+use self::timeline::Timeline;
 use crate::cli::AdapterArgs;
 use crate::say;
 use crate::train_run::interruption::Interruption;
 
-/// The page of an import, in its folder.
-const PAGE: &str = "import.html";
 /// What is kept from one import to the next, in the folder of `--out`.
 const WORK: &str = "import";
-/// Number of views on it.
-const SHEET_VIEWS: usize = 8;
 /// Without a terminal, a line is printed this often.
 const LINE_EVERY: Duration = Duration::from_secs(10);
 
@@ -95,7 +98,7 @@ pub fn run(args: &ImportArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     }
     let _claim = Claim::beside(&args.out)?;
     if let Some(folder) = data_set::folder(args)? {
-        return data_set::import(args, folder);
+        return data_set::import(args, folder, adapter);
     }
     Interruption::listen("stopped: what was tracked of whole videos is kept, and the same command goes on")?;
     let captures = match args.side.as_deref() {
@@ -117,7 +120,7 @@ pub fn run(args: &ImportArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
             out,
             work: args.out.join(WORK),
         };
-        describe(&with_progress(&options)?, start, adapter)?;
+        describe(&with_progress(&options)?, args, start, adapter)?;
     }
     Ok(())
 }
@@ -157,21 +160,24 @@ fn with_progress(options: &ImportOptions) -> anyhow::Result<Imported> {
 }
 
 /// Prints what was found, and writes the page.
-fn describe(imported: &Imported, start: Instant, adapter: &AdapterArgs) -> anyhow::Result<()> {
+fn describe(imported: &Imported, args: &ImportArgs, start: Instant, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let mut capture = Capture::open(&imported.capture.root)?;
     let splits: Vec<String> = capture.splits.keys().cloned().collect();
     let unseen = capture.skip_unusable_images(&splits.iter().map(String::as_str).collect::<Vec<_>>())?;
-    for row in camera_rows(imported) {
-        let [id, images, found, focal, angle, place, error] = &row[..] else { continue };
+    let cameras = cameras(imported);
+    for CameraSummary { id, images, found, focal, to_first, error, .. } in &cameras {
+        let error = error.as_deref().unwrap_or("-");
         say!(
-            "{id}: {images}; the hand is in {found} frames; focal length {focal} px ({angle} wide), {place} from the first camera; landmarks are {error} px off the hand"
+            "{id}: {images}; the hand is in {found} frames; focal length {focal}, {to_first} from the first camera; landmarks \
+             are {error} off the hand"
         );
     }
-    for row in clock_rows(imported) {
-        say!("clock of {}: {} ({} frames) later; movements agree by {}", row[0], row[1], row[2], row[3]);
+    for [id, seconds, frames, agreement] in clock_rows(imported) {
+        say!("clock of {id}: {seconds} ({frames} frames) later; movements agree by {agreement}");
     }
     say!("the hand: {:.0} mm long", 1e3 * imported.fit.lengths[1]);
-    frame_sentences(imported).iter().for_each(|sentence| say!("{sentence}"));
+    let sentences = frame_sentences(imported);
+    sentences.iter().for_each(|sentence| say!("{sentence}"));
     let mut notes = imported.remarks.clone();
     let (missing, all) = (unseen.reasons.values().sum::<usize>(), unseen.checked);
     if missing > 0 {
@@ -182,18 +188,11 @@ fn describe(imported: &Imported, start: Instant, adapter: &AdapterArgs) -> anyho
         notes.extend(review.sentences());
     }
     notes.iter().for_each(|note| say!("note: {note}"));
-    let found = CaptureInspection::of(&capture, DEFAULT_SAMPLE)?;
-    let views: Vec<SheetView> = (found.examples(SHEET_VIEWS).into_iter())
-        .map(|(split, fit)| SheetView { split: split.name.clone(), fit })
-        .collect();
-    let mut gpu = adapter.open()?;
-    let sheet = gpu.retry_on_device_loss("the pictures", |gpu| -> anyhow::Result<_> {
-        Ok(contact_sheet(gpu, &capture, &views)?)
-    })?;
-    let page = capture.root.join(PAGE);
-    let command: Vec<String> = std::env::args().collect();
-    write_page(&page, &Page { imported, command: &command.join(" "), notes: &notes, sheet: Some(sheet) })?;
-    say!("page: {}", page.display());
+    let pictures = Pictures::of(&capture, adapter)?;
+    let timelines = Timeline::of(imported);
+    let decisions = decisions(imported, args, &timelines);
+    let found = Found { decisions, cameras, sentences, timelines, notes };
+    write_page(&capture, &found, &pictures)?;
     say!("imported in {:.0} s; train on it: train --capture {}", start.elapsed().as_secs_f64(), capture.root.display());
     Ok(())
 }

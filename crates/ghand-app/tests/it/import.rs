@@ -6,11 +6,13 @@ use std::process::{Command, Output};
 
 use ghand_capture::Capture;
 use ghand_capture::cameras::list::read_cameras;
-use ghand_core::{Camera, Side};
+use ghand_core::{Camera, Pose, Side};
+use ghand_hand_model::builtin::builtin_hand;
 use ghand_motion::RestSkeleton;
 use ghand_motion::ik::HandIk;
 use ghand_test_support::{ffmpeg, shared};
 use glam::DVec3;
+use image::{Rgb, RgbImage};
 use serde_json::Value;
 
 use crate::common::{assert_one_sentence, run};
@@ -81,7 +83,11 @@ fn two_films_and_their_calibration_become_a_capture() {
         assert!((2_000..60_000).contains(&hand), "{hand} pixels of the hand");
     }
     let page = fs::read_to_string(out.join("import.html")).unwrap();
-    assert!(page.contains("cam1") && page.contains("data:image/png"));
+    assert!(page.contains("cam1") && page.len() < 3_000_000);
+    // Sheet and turntable; a plan and two time lines, each with the distances of its camera.
+    assert_eq!([page.matches("data:image/png").count(), page.matches("<svg").count()], [2, 3]);
+    assert_eq!(page.matches("<path class=\"residual\" d=\"M").count(), 2);
+    assert_eq!(page.matches("<code>--").count(), 7, "an option for each decision");
     // What was tracked is kept: other options need no tracking.
     let kept = out.join("import/tracked-cam0.json");
     let before = fs::metadata(&kept).unwrap().modified().unwrap();
@@ -96,6 +102,52 @@ fn two_films_and_their_calibration_become_a_capture() {
     let off = turn_between(&alone.cameras, &given);
     println!("cameras by the hand alone: {off:.1} degrees off");
     assert!(off < 10.0, "{off}");
+}
+
+/// FreiHAND's files with a few images of a hand that turns before the camera.
+fn freihand(root: &Path) {
+    const SIZE: u32 = 224;
+    const FOCAL: f64 = 400.0;
+    let model = builtin_hand(Side::Right).unwrap();
+    let ik = HandIk::new(&RestSkeleton::of(&model).unwrap());
+    let camera = Camera::look_at(DVec3::new(0.0, 0.0, -0.6), DVec3::ZERO, DVec3::NEG_Y, 0.5, SIZE, SIZE);
+    let mut joints = vec![];
+    for folder in ["training/rgb", "training/mask"] {
+        fs::create_dir_all(root.join(folder)).unwrap();
+    }
+    for sample in 0..6 {
+        let mut pose = Pose::rest(model.joint_count());
+        pose.rotations[0] = DVec3::new(0.1 * f64::from(sample), 0.0, 0.2);
+        pose.translation = -model.joints[0];
+        let seen = ik.landmarks(&pose).map(|at| camera.camera_from_world(at));
+        let pixels = seen.map(|at| [at.x, at.y].map(|x| x / at.z * FOCAL + 112.0));
+        let near =
+            |x: u32, y: u32| pixels.iter().any(|[u, v]| (u - f64::from(x)).abs().max((v - f64::from(y)).abs()) < 9.0);
+        let picture = |of: [u8; 2]| RgbImage::from_fn(SIZE, SIZE, |x, y| Rgb([of[usize::from(near(x, y))]; 3]));
+        picture([90, 180]).save(root.join(format!("training/rgb/{sample:08}.jpg"))).unwrap();
+        picture([0, 255]).save(root.join(format!("training/mask/{sample:08}.jpg"))).unwrap();
+        joints.push(seen.map(|at| at.to_array()).to_vec());
+    }
+    let matrix = [[FOCAL, 0.0, 112.0], [0.0, FOCAL, 112.0], [0.0, 0.0, 1.0]];
+    fs::write(root.join("training_K.json"), serde_json::to_vec(&vec![matrix; 6]).unwrap()).unwrap();
+    fs::write(root.join("training_xyz.json"), serde_json::to_vec(&joints).unwrap()).unwrap();
+}
+
+#[test]
+fn a_data_set_becomes_a_capture_with_a_page() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    freihand(&path("FreiHAND"));
+    let said = run_ghand(folder.path(), &["import", "FreiHAND", "--out", "me"]);
+    assert!(said.contains("6 of 6 annotated frames of FreiHAND") && said.contains("page: me"), "{said}");
+    assert_eq!(Capture::open(&path("me")).unwrap().frames.len(), 6);
+    let page = fs::read_to_string(path("me/import.html")).unwrap();
+    for part in ["FreiHAND", "224 × 224", "6 of 6", "<code>--hand-model</code>", "mm off the hand"] {
+        assert!(page.contains(part), "{part}");
+    }
+    // Sheet and turntable; a plan, but no time lines.
+    assert_eq!([page.matches("data:image/png").count(), page.matches("<svg").count()], [2, 1]);
+    assert!(!page.contains("class=\"timeline\"") && page.len() < 3_000_000);
 }
 
 /// Whether each pixel of a mask's file is on the hand.
@@ -172,7 +224,7 @@ fn made_footage_comes_back_with_its_truth() {
     };
     let mirrored = filtered("hflip", "mirrored.mp4");
     let moving = filtered("crop=360:270:60+50*sin(2*t):45+40*cos(2*t)", "moving.mp4");
-    let both = filtered("split[a][b];[b]hflip[c];[a][c]hstack", "both.mp4");
+    let both = filtered("split[a][b];[b]hflip[c];[a][c]hstack", "<img src=x>.mp4");
     for (other, more, parts) in [
         (&mirrored, &[][..], &["mirrored.mp4", "left", "mirror"][..]),
         (&moving, &[], &["moving", "moves", "stand still"]),
@@ -185,7 +237,9 @@ fn made_footage_comes_back_with_its_truth() {
     assert!(said.status.success(), "{}", String::from_utf8_lossy(&said.stderr));
     let sides = ["right", "left"].map(|name| Capture::open(&path("both").join(name)).unwrap());
     assert!(sides[0].side == Side::Right && sides[1].side == Side::Left);
-    assert!(sides[0].frames.len() == 8 && path("both/left/import.html").exists());
+    assert_eq!(sides[0].frames.len(), 8);
+    let page = fs::read_to_string(path("both/left/import.html")).unwrap();
+    assert!(page.contains("&lt;img src=x&gt;.mp4") && !page.contains("<img src=x"));
 }
 
 #[test]

@@ -1,33 +1,74 @@
 //! An import in numbers, for the terminal and the page.
 
+use ghand_capture::Capture;
+use ghand_core::Camera;
 use ghand_import::Imported;
+use ghand_import::track::Track;
 
-/// One row for each camera: name, images, found, focal length, angle of view, distance from the first camera, error.
-pub fn camera_rows(imported: &Imported) -> Vec<Vec<String>> {
-    let cameras = &imported.capture.cameras;
-    let row = |(k, camera): (usize, &ghand_core::Camera)| {
-        let track = &imported.tracks[k];
-        let angle = 2.0 * (0.5 * f64::from(camera.width) / camera.focal.x).atan();
+use super::plan::{mean, wrists};
+
+/// What is told of a camera.
+#[derive(Debug, Clone)]
+pub struct CameraSummary {
+    /// Its name.
+    pub id: String,
+    /// Size of its images, and how many there are in a second.
+    pub images: String,
+    /// In how many of them the hand is.
+    pub found: String,
+    /// Focal length, and angle of view.
+    pub focal: String,
+    /// Distance from the hand.
+    pub to_hand: String,
+    /// Distance from the first camera.
+    pub to_first: String,
+    /// Angle at the hand to the first camera.
+    pub angle: String,
+    /// How far landmarks are off the hand, if there are any.
+    pub error: Option<String>,
+}
+
+impl CameraSummary {
+    /// Where a camera of a capture is, and how it sees.
+    pub fn of(capture: &Capture, camera: &Camera) -> CameraSummary {
+        let hand = mean(&wrists(capture));
+        let first = capture.cameras.first().unwrap_or(camera);
+        let from = |camera: &Camera| camera.center() - hand;
+        let angle = from(first).angle_between(from(camera)).to_degrees();
+        let wide = 2.0 * (0.5 * f64::from(camera.width) / camera.focal.x).atan();
+        CameraSummary {
+            id: camera.id.clone(),
+            images: format!("{} × {}", camera.width, camera.height),
+            found: String::new(),
+            focal: format!("{:.0} px, {:.0}° wide", camera.focal.x, wide.to_degrees()),
+            to_hand: format!("{:.2} m", from(camera).length()),
+            to_first: format!("{:.2} m", camera.center().distance(first.center())),
+            angle: format!("{:.0}°", if angle.is_finite() { angle } else { 0.0 }),
+            error: None,
+        }
+    }
+}
+
+/// Those of an import of videos.
+pub fn cameras(imported: &Imported) -> Vec<CameraSummary> {
+    let summary = |(camera, track): (&Camera, &Track)| {
         let error = imported.fit.cameras.iter().find(|(id, _)| *id == camera.id);
-        vec![
-            camera.id.clone(),
-            format!("{} x {}, {:.2} per second", camera.width, camera.height, track.rate()),
-            format!("{} of {}", track.found(), track.sightings.len()),
-            format!("{:.0}", camera.focal.x),
-            format!("{:.0}°", angle.to_degrees()),
-            format!("{:.2} m", camera.center().distance(cameras[0].center())),
-            error.map_or(String::new(), |(_, distances)| format!("{:.1}", distances.median)),
-        ]
+        CameraSummary {
+            images: format!("{} × {}, {:.2} per second", camera.width, camera.height, track.rate()),
+            found: format!("{} of {}", track.found(), track.sightings.len()),
+            error: error.map(|(_, distances)| format!("{:.1} px", distances.median)),
+            ..CameraSummary::of(&imported.capture, camera)
+        }
     };
-    cameras.iter().enumerate().map(row).collect()
+    imported.capture.cameras.iter().zip(&imported.tracks).map(summary).collect()
 }
 
 /// One row for each camera but the first: name, seconds, frames, agreement.
-pub fn clock_rows(imported: &Imported) -> Vec<Vec<String>> {
+pub fn clock_rows(imported: &Imported) -> Vec<[String; 4]> {
     let solved = &imported.solved;
     let row = |k: usize| {
         let seconds = solved.rig.offsets[k];
-        vec![
+        [
             imported.sources[k].id.clone(),
             format!("{seconds:+.4} s"),
             format!("{:+.2}", seconds * imported.tracks[k].rate()),
