@@ -7,7 +7,9 @@ use ghand_motion::image_landmarks::{FitOptions, ImageFrame, ImagePoint, fit_hand
 use glam::DVec3;
 
 use crate::ImportError;
+use crate::landmarks::LandmarkPlaces;
 use crate::moments::moments;
+use crate::residuals::residuals;
 use crate::rig::lengths::{BONES, lengths_of};
 use crate::rig::start::points_in_camera;
 use crate::rig::{LANDMARKS, Moment, View};
@@ -21,13 +23,14 @@ pub struct Hand {
     pub poses: Vec<Option<Pose>>,
     /// How far the landmarks are off the hand.
     pub fit: LandmarkFit,
+    /// The same by camera and frame.
+    pub residuals: Vec<Vec<Option<f64>>>,
 }
 
 /// Fits a hand to what all cameras see at the times of the first one's clock. Where one camera sees it alone, the tracker's
 /// guess of its shape counts, too. Cameras that are only roughly known, with their likeliest focal lengths `usual_focals`,
 /// are fitted with it: first they, then their unit of length, so that the hand is `hand_length` long (metres, from the wrist
-/// to the tip of the middle finger), then the poses. Landmarks of fingertips lie `tip_inset` metres before the ends of the
-/// fingers.
+/// to the tip of the middle finger), then the poses.
 ///
 /// # Errors
 /// If the landmarks are not a hand.
@@ -36,7 +39,7 @@ pub fn fit_hand(
     lenses: &mut [LensCamera],
     offsets: &[f64],
     model: &HandModel,
-    tip_inset: f64,
+    places: LandmarkPlaces,
     unknown: Option<UnknownCameras>,
 ) -> Result<Hand, ImportError> {
     let plain: Vec<LensCamera> =
@@ -47,16 +50,17 @@ pub fn fit_hand(
         let options = FitOptions {
             usual_focals: Some(&unknown.usual_focals),
             focals_are_known: unknown.focals_are_known,
+            beside: places.beside,
             ..FitOptions::default()
         };
-        let fitted = fit_hand_with(&frames, lenses, model, tip_inset, &options)?;
+        let fitted = fit_hand_with(&frames, lenses, model, places.tip_inset, &options)?;
         let scale = unknown.hand_length / fitted.report.lengths[1];
         for (lens, camera) in lenses.iter_mut().zip(fitted.cameras) {
             lens.camera = camera;
             lens.camera.translation *= scale;
         }
     }
-    let lengths = lengths_of(model, tip_inset)?;
+    let lengths = lengths_of(model, places.tip_inset, places.beside)?;
     let guesses: Vec<Option<[DVec3; LANDMARKS]>> = match lenses {
         [lens] => {
             let scale = guessed_scale(&seen, &lengths);
@@ -64,15 +68,16 @@ pub fn fit_hand(
         }
         _ => vec![],
     };
-    let options = FitOptions { guesses: &guesses, ..FitOptions::default() };
-    let fitted = fit_hand_with(&frames, lenses, model, tip_inset, &options)?;
+    let options = FitOptions { guesses: &guesses, beside: places.beside, ..FitOptions::default() };
+    let fitted = fit_hand_with(&frames, lenses, model, places.tip_inset, &options)?;
     if fitted.frames.iter().all(|frame| frame.pose.is_none()) {
         return Err(ImportError::Unusable(
             "in no frame the landmarks are a hand's: cameras or clocks are wrong, or they see different hands".into(),
         ));
     }
+    let residuals = residuals(&fitted.frames, lenses.len());
     let poses = fitted.frames.into_iter().map(|frame| frame.pose).collect();
-    Ok(Hand { shape: fitted.shape, poses, fit: fitted.report })
+    Ok(Hand { shape: fitted.shape, poses, fit: fitted.report, residuals })
 }
 
 /// What is known of cameras whose calibration is not.

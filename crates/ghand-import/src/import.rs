@@ -10,7 +10,6 @@ use ghand_core::{Camera, Side};
 use ghand_fit::alignment::refine_rough_cameras;
 use ghand_hand_model::builtin::builtin_hand;
 use ghand_motion::LandmarkFit;
-use ghand_motion::image_landmarks::MEDIAPIPE_TIP_INSET;
 
 use crate::ImportError;
 use crate::board::cameras_by_board;
@@ -22,9 +21,8 @@ use crate::checks::{
 };
 use crate::choice::{Candidate, Choice, choose};
 use crate::hand::{Hand, UnknownCameras, fit_hand, frame_id};
-use crate::landmarks::{GivenLandmarks, Tracked, track_all};
+use crate::landmarks::{GivenLandmarks, LandmarkPlaces, Tracked, track_all};
 use crate::progress::{OnProgress, Progress, Step};
-use crate::residuals::residuals;
 use crate::rig::lengths::{BONES, hand_length, lengths_of};
 use crate::solve::{Known, SolveError, Solved};
 use crate::sources::{Source, open};
@@ -83,7 +81,7 @@ pub struct Imported {
     pub choice: Choice,
     /// What the user should know, one sentence each.
     pub remarks: Vec<String>,
-    /// How far each camera saw the landmarks from the capture's hand, as [`residuals`] has it.
+    /// How far each camera saw the landmarks from the fitted hand, as [`residuals`](crate::residuals::residuals) has it.
     pub residuals: Vec<Vec<Option<f64>>>,
 }
 
@@ -116,7 +114,9 @@ pub fn import(options: &ImportOptions, on_progress: &mut OnProgress) -> Result<I
             Some(GivenLandmarks::read(paths, side, &sources, &cameras, &mut remarks)?)
         }
     };
-    let tip_inset = given.as_ref().map_or(MEDIAPIPE_TIP_INSET, |given| given.tip_inset);
+    let places = given
+        .as_ref()
+        .map_or(LandmarkPlaces::TRACKER, |given| LandmarkPlaces { tip_inset: given.tip_inset, beside: &[] });
     let tracked = track_all(&sources, given.as_ref(), &options.work, on_progress)?;
     let side = side(&sources, &tracked, options.side, &mut remarks)?;
     let mut tracks: Vec<Track> =
@@ -131,7 +131,8 @@ pub fn import(options: &ImportOptions, on_progress: &mut OnProgress) -> Result<I
     check_tracks(&sources, &tracked, &tracks, side, &mut remarks)?;
     tell(on_progress, Step::Cameras)?;
     let model = builtin_hand(side)?;
-    let lengths = lengths_of(&model, tip_inset)?;
+    let lengths = lengths_of(&model, places.tip_inset, places.beside)?;
+    let whole = hand_length(&lengths_of(&model, 0.0, &[])?);
     let (solved, uneven) = solve_with_times(&mut tracks, &lenses, known, &lengths, clocks)
         .map_err(|SolveError::TooLittleInCommon(camera)| too_little_in_common(&sources[camera].id, known))?;
     if clocks.is_none() {
@@ -139,7 +140,7 @@ pub fn import(options: &ImportOptions, on_progress: &mut OnProgress) -> Result<I
     }
     let usual_focals = lenses.iter().map(|lens| lens.camera.focal.x).collect();
     let origin = Origin::of(options.board.is_some(), known);
-    let hand_length = place(&mut lenses, &solved, known, &lengths, tip_inset, options.hand_length, &mut remarks)
+    let hand_length = place(&mut lenses, &solved, known, &lengths, whole, options.hand_length, &mut remarks)
         .map_err(|length| wrong_size(length, origin))?;
     if let (Known::Nothing, [source]) = (known, &sources[..]) {
         remarks.extend(guessed_focal(source));
@@ -148,7 +149,11 @@ pub fn import(options: &ImportOptions, on_progress: &mut OnProgress) -> Result<I
     let is_unknown = matches!(known, Known::Nothing | Known::Lenses) && lenses.len() > 1;
     let focals_are_known = known == Known::Lenses;
     let unknown = is_unknown.then_some(UnknownCameras { usual_focals, focals_are_known, hand_length });
-    let mut hand = fit_hand(&tracks, &mut lenses, &solved.rig.offsets, &model, tip_inset, unknown)?;
+    let mut hand = fit_hand(&tracks, &mut lenses, &solved.rig.offsets, &model, places, unknown)?;
+    if known == Known::AllButTheUnit && lenses.len() > 1 {
+        scale(&mut lenses, hand_length / hand.fit.lengths[1]);
+        hand = fit_hand(&tracks, &mut lenses, &solved.rig.offsets, &model, places, None)?;
+    }
     let candidates = candidates(&tracks, &lenses, &solved.rig.offsets, &model, &hand)?;
     let frames: Vec<Candidate> = candidates.iter().map(|(_, candidate)| candidate.clone()).collect();
     let errors: Vec<f64> = frames.iter().map(|frame| frame.error).collect();
@@ -181,14 +186,12 @@ pub fn import(options: &ImportOptions, on_progress: &mut OnProgress) -> Result<I
     if is_unknown {
         tell(on_progress, Step::Contours)?;
         refine_by_contours(&options.out, &mut lenses, focals_are_known)?;
-        let rough = fit_hand(&tracks, &mut lenses, &solved.rig.offsets, &model, tip_inset, None)?;
-        let scale = hand_length / rough.fit.lengths[1];
-        lenses.iter_mut().for_each(|lens| lens.camera.translation *= scale);
-        hand = fit_hand(&tracks, &mut lenses, &solved.rig.offsets, &model, tip_inset, None)?;
+        let rough = fit_hand(&tracks, &mut lenses, &solved.rig.offsets, &model, places, None)?;
+        scale(&mut lenses, hand_length / rough.fit.lengths[1]);
+        hand = fit_hand(&tracks, &mut lenses, &solved.rig.offsets, &model, places, None)?;
         capture = write_capture(&options.out, &lenses, &model, &hand.shape, &frames_in(&hand))?;
     }
-    let residuals = residuals(&tracks, &lenses, &solved.rig.offsets, &capture.template, tip_inset, &hand.poses)?;
-    let fit = hand.fit;
+    let Hand { fit, residuals, .. } = hand;
     Ok(Imported { capture, sources, tracked, tracks, known, solved, fit, candidates, choice, remarks, residuals })
 }
 
@@ -204,13 +207,18 @@ fn refine_by_contours(out: &Path, lenses: &mut [LensCamera], focals_are_known: b
     Ok(())
 }
 
+/// Moves cameras to `factor` times their distances from the world's origin.
+fn scale(lenses: &mut [LensCamera], factor: f64) {
+    lenses.iter_mut().for_each(|lens| lens.camera.translation *= factor);
+}
+
 fn tell(on_progress: &mut OnProgress, step: Step) -> Result<(), ImportError> {
     let goes_on = on_progress(&Progress { step, subject: String::new(), done: 0, total: 0 });
     if goes_on { Ok(()) } else { Err(ImportError::Stopped) }
 }
 
 /// Puts what was found into the cameras: places and focal lengths, and the unit of length from the hand's length, which it
-/// returns.
+/// returns. `whole` is the length of the mean hand, whose landmarks are `lengths` apart.
 ///
 /// # Errors
 /// The length that no hand has, metres.
@@ -219,16 +227,16 @@ fn place(
     solved: &Solved,
     known: Known,
     lengths: &[f64; BONES.len()],
-    tip_inset: f64,
+    whole: f64,
     hand_length_given: Option<f64>,
     remarks: &mut Vec<String>,
 ) -> Result<f64, f64> {
     let rig = &solved.rig;
     let own: [f64; BONES.len()] = std::array::from_fn(|k| lengths[k] * rig.bones[k].exp() * rig.size);
-    let length = hand_length(&own) + tip_inset * rig.size;
-    let mean = hand_length(lengths) + tip_inset;
-    let wanted = hand_length_given.unwrap_or(mean);
-    let scale = match known {
+    // Landmarks do not reach from end to end.
+    let length = hand_length(&own) + (whole - hand_length(lengths)) * rig.size;
+    let wanted = hand_length_given.unwrap_or(whole);
+    let factor = match known {
         Known::All => {
             if lenses.len() > 1 && !(1.0 / LARGEST_SIZE..LARGEST_SIZE).contains(&rig.size) {
                 return Err(length);
@@ -239,7 +247,7 @@ fn place(
     };
     for (lens, camera) in lenses.iter_mut().zip(&rig.cameras) {
         lens.camera = camera.clone();
-        lens.camera.translation *= scale;
+        lens.camera.translation *= factor;
     }
     if hand_length_given.is_some() && (known == Known::All || lenses.len() == 1) {
         let cause =
@@ -250,7 +258,7 @@ fn place(
         remarks.push(format!(
             "nothing tells the unit of length: the hand is taken for {:.0} mm long, the mean of adults; --hand-length gives \
              another one",
-            1e3 * mean
+            1e3 * whole
         ));
     }
     Ok(wanted)

@@ -8,8 +8,8 @@ use std::time::UNIX_EPOCH;
 use ghand_core::{Camera, Side};
 use ghand_files::atomic_file::write_atomically;
 use ghand_footage::Footage;
-use ghand_motion::image_landmarks::{SeenPixels, read_image_landmarks};
-use glam::DVec2;
+use ghand_motion::image_landmarks::{MEDIAPIPE_BESIDE, MEDIAPIPE_TIP_INSET, SeenPixels, read_image_landmarks};
+use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
 use crate::ImportError;
@@ -22,6 +22,20 @@ use crate::track::{Hands, Tracking};
 const VERSION: u32 = 2;
 /// Frames between reports of progress.
 const REPORT_EVERY: usize = 10;
+
+/// Where a tracker's landmarks lie.
+#[derive(Debug, Clone, Copy)]
+pub struct LandmarkPlaces {
+    /// How far those of fingertips lie before the ends of the fingers, metres.
+    pub tip_inset: f64,
+    /// Those of the palm that lie beside their joints, as in [`FitOptions`](ghand_motion::image_landmarks::FitOptions).
+    pub beside: &'static [(usize, DVec3)],
+}
+
+impl LandmarkPlaces {
+    /// Those of the tracker that comes with ghand.
+    pub const TRACKER: LandmarkPlaces = LandmarkPlaces { tip_inset: MEDIAPIPE_TIP_INSET, beside: &MEDIAPIPE_BESIDE };
+}
 
 /// What is kept of a camera.
 #[derive(Serialize, Deserialize)]

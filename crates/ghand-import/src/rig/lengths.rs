@@ -2,6 +2,7 @@
 
 use ghand_core::{HandModel, Pose};
 use ghand_motion::ik::{self, HandIk};
+use ghand_motion::image_landmarks::in_skeleton;
 use ghand_motion::{PoseError, RestSkeleton};
 use glam::DVec3;
 
@@ -22,17 +23,25 @@ pub const BONES: [(usize, usize); ik::BONES.len() + PALM.len()] = {
 };
 
 /// The lengths of [`BONES`] of a model's hand in its mean shape, as a tracker sees them whose landmarks of fingertips lie
-/// `tip_inset` before the ends of the fingers, metres.
+/// `tip_inset` before the ends of the fingers, metres, and those of the palm `beside` its joints
+/// ([`FitOptions`](ghand_motion::image_landmarks::FitOptions)).
 ///
 /// # Errors
 /// If the names of the model's joints do not identify their parts.
-pub fn lengths_of(model: &HandModel, tip_inset: f64) -> Result<[f64; BONES.len()], PoseError> {
-    let hand = HandIk::new(&RestSkeleton::of(model)?);
+pub fn lengths_of(
+    model: &HandModel,
+    tip_inset: f64,
+    beside: &[(usize, DVec3)],
+) -> Result<[f64; BONES.len()], PoseError> {
+    let rig = RestSkeleton::of(model)?;
+    let hand = HandIk::new(&rig);
     let rest = Pose { rotations: vec![DVec3::ZERO; model.joint_count()], translation: DVec3::ZERO };
     let mut points = hand.landmarks(&rest);
     for tip in (4..LANDMARKS).step_by(4) {
         points[tip] -= (points[tip] - points[tip - 1]).normalize_or_zero() * tip_inset;
     }
+    let palm = points[9].distance(points[0]);
+    in_skeleton(beside, &rig).into_iter().for_each(|(landmark, at)| points[landmark] += at * palm);
     Ok(BONES.map(|(from, to)| points[from].distance(points[to])))
 }
 

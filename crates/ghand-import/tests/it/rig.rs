@@ -49,7 +49,7 @@ fn movements_tell_the_clocks_to_a_frame() {
 
 #[test]
 fn the_hand_alone_tells_cameras_and_clocks() {
-    let lengths = lengths_of(&hand(), MEDIAPIPE_TIP_INSET).unwrap();
+    let lengths = lengths_of(&hand(), MEDIAPIPE_TIP_INSET, &[]).unwrap();
     let mut wrong = vec![];
     for (count, seed, rates) in [(2, 1, &[30.0][..]), (2, 2, &[30.0, 25.0]), (4, 3, &[30.0, 29.7])] {
         let truth = cameras(count);
@@ -81,7 +81,7 @@ fn the_hand_alone_tells_cameras_and_clocks() {
 
 #[test]
 fn a_known_rig_keeps_its_place_and_tells_the_hands_size() {
-    let lengths = lengths_of(&hand(), MEDIAPIPE_TIP_INSET).unwrap();
+    let lengths = lengths_of(&hand(), MEDIAPIPE_TIP_INSET, &[]).unwrap();
     let truth = cameras(2);
     let tracks = tracks(&truth, &[30.0], 0.003, 5);
     // As calibrated with a board whose squares, 43 mm long, are the unit.
@@ -110,7 +110,7 @@ fn lateness(track: &Track, truth: &[f64], offset: f64) -> f64 {
 
 #[test]
 fn drift_and_lost_frames_are_found_and_corrected() {
-    let lengths = lengths_of(&hand(), MEDIAPIPE_TIP_INSET).unwrap();
+    let lengths = lengths_of(&hand(), MEDIAPIPE_TIP_INSET, &[]).unwrap();
     let truth = cameras(3);
     let motion = Motion::new(3);
     let mut all: Vec<Track> =

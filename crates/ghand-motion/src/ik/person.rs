@@ -168,7 +168,7 @@ pub(crate) fn fit_person_and_cameras(
             }
         }
     }
-    parameters = from_lengths(proportions, &Proportions::lengths(&hand));
+    parameters = from_lengths(proportions, &proportions.lengths(&hand));
     hand = proportions.hand(&parameters);
     let mut some = some.into_iter();
     for k in chosen {
@@ -190,7 +190,7 @@ pub(crate) fn refitted(
 ) -> Vec<Option<Pose>> {
     let [person, hand] = [fit.parameters.clone(), proportions.without_bones(&fit.parameters)]
         .map(|parameters| proportions.hand(&parameters));
-    let [theirs, own] = [&person, &hand].map(|hand| along_fingers(&Proportions::lengths(hand)));
+    let [theirs, own] = [&person, &hand].map(|hand| along_fingers(&proportions.lengths(hand)));
     let agreement = |landmark: usize| {
         let place = landmark.checked_sub(1);
         let off = place.map_or(0.0, |place| (theirs[place] - own[place]) / PLACE_DEVIATION);
@@ -257,7 +257,7 @@ fn from_medians(proportions: &Proportions, seen: &[SeenFrame]) -> Vec<f64> {
 fn from_lengths(proportions: &Proportions, observed: &[f64; BONES.len()]) -> Vec<f64> {
     let mut parameters = vec![0.0; proportions.count()];
     let count = proportions.own_count();
-    let lengths = |parameters: &[f64]| Proportions::lengths(&proportions.hand(parameters));
+    let lengths = |parameters: &[f64]| proportions.lengths(&proportions.hand(parameters));
     let target = along_fingers(observed);
     for _ in 0..SHAPE_ROUNDS {
         let now = along_fingers(&lengths(&parameters));

@@ -192,7 +192,7 @@ pub fn timelines(lines: &[Timeline]) -> Markup {
     html! {
         @for line in lines { (line.figure(&scale)) }
         p.legend {
-            span { i.residual {} "landmarks off the capture's hand, whose bones are the model's" }
+            span { i.residual {} "landmarks off the fitted hand" }
             span { i.sharp {} "the hand is sharp" }
             span { i.blurred {} "found, but blurred" }
             span { i.nothing {} "no hand found" }

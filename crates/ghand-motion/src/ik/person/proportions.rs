@@ -1,7 +1,7 @@
 //! Size and bone lengths of a person's hand: the hand model's own shape directions, and what they leave of each bone.
 
-use ghand_core::HandModel;
 use ghand_core::posing::shape_hand;
+use ghand_core::{HandModel, Side};
 use glam::DVec3;
 
 use crate::PoseError;
@@ -40,16 +40,21 @@ pub(crate) struct Proportions {
     shape_count: usize,
     /// How far before the end of the finger its landmark is, metres.
     tip_inset: f64,
+    /// Landmarks that lie beside their joints and move with the palm, and where: in the axes of the skeleton, parts of the
+    /// palm's length.
+    beside: Vec<(usize, DVec3)>,
 }
 
 impl Proportions {
     /// The hands of a model, seen by a tracker whose landmarks of the fingertips lie `tip_inset` metres inside the
-    /// finger.
+    /// finger, and of the palm `beside` the joints, as in [`FitOptions`](crate::image_landmarks::FitOptions).
     ///
     /// # Errors
     /// As in [`RestSkeleton::of`].
-    pub fn new(model: &HandModel, tip_inset: f64) -> Result<Proportions, PoseError> {
-        let hand = HandIk::new(&RestSkeleton::of(model)?);
+    pub fn new(model: &HandModel, tip_inset: f64, beside: &[(usize, DVec3)]) -> Result<Proportions, PoseError> {
+        let rig = RestSkeleton::of(model)?;
+        let hand = HandIk::new(&rig);
+        let beside = in_skeleton(beside, &rig);
         // Tips that are no joints are vertices.
         let nearest = |tip: &DVec3| {
             let vertices = model.vertices.iter().enumerate();
@@ -71,7 +76,7 @@ impl Proportions {
                 directions.push((k, moves));
             }
         }
-        Ok(Proportions { hand, directions, shape_count: model.shape_count(), tip_inset })
+        Ok(Proportions { hand, directions, shape_count: model.shape_count(), tip_inset, beside })
     }
 
     /// Whether the model has a shape for the size of a hand; without one, the size is a parameter of its own.
@@ -160,7 +165,15 @@ impl Proportions {
         for ((from, to), length) in BONES.into_iter().zip(bones) {
             joints[at[to]] = joints[at[from]] + (rest[at[to]] - rest[at[from]]) * length.exp();
         }
-        HandIk { joints, ..self.hand.clone() }
+        let mut hand = HandIk { joints, ..self.hand.clone() };
+        let palm = hand.joints[at[9]].distance(hand.joints[at[0]]);
+        for (landmark, offset) in &self.beside {
+            // A joint that does not bend.
+            hand.landmarks[*landmark] = hand.joints.len();
+            hand.parents.push(Some(0));
+            hand.joints.push(hand.joints[at[*landmark]] + *offset * palm);
+        }
+        hand
     }
 
     /// How each joint of [`Self::hand`] moves with each parameter, metres per unit.
@@ -177,9 +190,16 @@ impl Proportions {
         (0..parameters.len()).map(derivative).collect()
     }
 
-    /// Length of each of [`BONES`] at rest, metres.
-    pub fn lengths(hand: &HandIk) -> [f64; BONES.len()] {
-        let rest = hand.landmarks.map(|joint| hand.joints[joint]);
+    /// Length of each of [`BONES`] at rest, from joint to joint, metres.
+    pub fn lengths(&self, hand: &HandIk) -> [f64; BONES.len()] {
+        let rest = self.hand.landmarks.map(|joint| hand.joints[joint]);
         BONES.map(|(from, to)| rest[from].distance(rest[to]))
     }
+}
+
+/// Offsets of landmarks in the axes of a right hand's palm, for the hand of a skeleton and in its axes.
+pub fn in_skeleton(beside: &[(usize, DVec3)], rig: &RestSkeleton) -> Vec<(usize, DVec3)> {
+    let across = if rig.side == Side::Right { 1.0 } else { -1.0 };
+    let palm = rig.frames.first().copied().unwrap_or_default();
+    beside.iter().map(|(landmark, at)| (*landmark, palm * DVec3::new(across * at.x, at.y, at.z))).collect()
 }

@@ -37,7 +37,7 @@ fn normal(rng: &mut ChaCha8Rng) -> f64 {
 fn person(seed: u64, tip_inset: f64) -> Person {
     let model = model();
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let proportions = Proportions::new(&model, tip_inset).unwrap();
+    let proportions = Proportions::new(&model, tip_inset, &[]).unwrap();
     let mut shape = vec![0.0; model.shape_count()];
     for (name, deviation) in SHAPES {
         shape[model.shape_names.iter().position(|known| known == name).unwrap()] = deviation * normal(&mut rng);

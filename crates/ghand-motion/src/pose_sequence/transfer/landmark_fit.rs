@@ -2,7 +2,7 @@
 
 use ghand_capture::cameras::list::LensCamera;
 use ghand_core::{Camera, HandModel, Pose, Side};
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 
 use super::landmark_report::{KeptFrame, LandmarkFit, SightingDistance, report};
 use crate::ik::person::camera_freedom::CameraFreedom;
@@ -130,6 +130,7 @@ pub(crate) fn fit(
     cameras: &[Camera],
     freedom: Option<&CameraFreedom>,
     tip_inset: f64,
+    beside: &[(usize, DVec3)],
     model: &HandModel,
 ) -> Result<SeenHand, PoseError> {
     let (numbers, enough): (Vec<usize>, Vec<SeenFrame>) = seen
@@ -145,7 +146,7 @@ pub(crate) fn fit(
             (frame.id.clone(), format!("has {count} landmarks, at least {LEAST_SIGHTINGS} are needed"))
         })
         .collect();
-    let proportions = Proportions::new(model, tip_inset)?;
+    let proportions = Proportions::new(model, tip_inset, beside)?;
     let fit = fit_person_and_cameras(&proportions, &enough, cameras, freedom);
     let cameras = &fit.cameras;
     // A model with the person's shape is put where the landmarks are, whatever its bones lack. Of one without shapes, the
@@ -186,7 +187,7 @@ fn fitted(
     model: &HandModel,
     warnings: &mut Vec<String>,
 ) -> Result<(Vec<PoseFrame>, LandmarkFit), PoseError> {
-    let SeenHand { poses, shape, report, .. } = fit(seen, cameras, None, tip_inset, model)?;
+    let SeenHand { poses, shape, report, .. } = fit(seen, cameras, None, tip_inset, &[], model)?;
     let mut skipped = Skipped::default();
     report.rejected.iter().for_each(|(id, problem)| skipped.add(id, problem.clone()));
     let frame = |(frame, pose): (&SeenFrame, Option<Pose>)| {

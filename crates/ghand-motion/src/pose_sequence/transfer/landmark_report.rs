@@ -208,7 +208,7 @@ pub(crate) fn report(
     let [own, shaped, person] =
         [vec![0.0; proportions.count()], proportions.without_bones(&fit.parameters), fit.parameters.clone()]
             .map(|parameters| proportions.hand(&parameters));
-    let [model_lengths, shaped_lengths, lengths] = [&own, &shaped, &person].map(Proportions::lengths);
+    let [model_lengths, shaped_lengths, lengths] = [&own, &shaped, &person].map(|hand| proportions.lengths(hand));
     let landmark = |k: usize| {
         let bone = BONES.iter().position(|(_, to)| *to == k).map_or(1.0, |bone| lengths[bone] / shaped_lengths[bone]);
         let distances = all.iter().filter(|sighting| sighting.landmark == k).copied();
