@@ -145,7 +145,7 @@ fn print_alignment(figures: &AlignmentFigures) {
         figures.seconds
     );
     if figures.texture.is_some_and(|texture| texture.refined_frames + texture.kept_frames == 0) {
-        say!("           texture refined nothing: no frame has the three images that it needs");
+        say!("           texture refined nothing: no frame has a usable image and pose");
     } else if let Some(texture) = figures.texture {
         say!(
             "           texture refined {} frames, {} keep their poses; images held out differ by {:.4}, {:.4} before",

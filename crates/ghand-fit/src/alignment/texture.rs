@@ -5,7 +5,8 @@
 //! same light; and the difference of a frame from the others. How much each counts is measured from how far they disagree
 //! (`agreement.rs`).
 //!
-//! The texture of some images of each frame takes no part. If these, of all frames together, are not explained better than
+//! The texture of some images of each frame takes no part; with one or two images a frame, that of some patches of skin. If
+//! these, of all frames together, are not explained better than
 //! by the poses before, nothing is refined; and frames of which they are explained clearly worse keep their poses.
 
 mod agreement;
@@ -33,9 +34,10 @@ use surface::{SurfacePoint, surface_points};
 /// The steps: the band, and whether joints other than the root move. Texture shows where the hand is better than how the
 /// fingers bend: a second fine step of these made all poses worse that were measured.
 const STAGES: [(Band, bool); 4] = [(Band::Coarse, true), (Band::Fine, true), (Band::Fine, false), (Band::Fine, false)];
-/// Every so many images of a frame one is held out.
+/// Every so many images of a frame one is held out; of a frame with too few images for that, one in so many patches of
+/// the skin.
 const HELD_OUT: usize = 4;
-/// A frame with fewer images keeps its pose.
+/// A frame with fewer images holds out patches.
 const LEAST_IMAGES: usize = 3;
 
 /// How a refinement by texture went.
@@ -99,10 +101,9 @@ pub(super) fn refine(
 ) -> Result<(Vec<Pose>, TextureRefinement), AlignmentError> {
     let shaped = Shaped { model: fit.proportions.shaped(&fit.shape)?.model, d_vertices: vec![], d_joints: vec![] };
     let points = surface_points(&shaped.model);
-    let frames: Vec<usize> =
-        (0..images.len()).filter(|frame| usable[*frame] && images[*frame].len() >= LEAST_IMAGES).collect();
+    let frames: Vec<usize> = (0..images.len()).filter(|frame| usable[*frame] && !images[*frame].is_empty()).collect();
     let refiner = Refiner { fit, shaped: &shaped, points: &points, images, masks };
-    let is_free = |frame: usize, image: usize| !is_held_out(frame, image, images);
+    let is_free = |frame: usize, image: usize, point: &SurfacePoint| !is_held_out(frame, image, point, images);
     let (mut poses, variance_factors) = refiner.refined(&frames, is_free, after_step)?;
     let judged = refiner.judge(&frames, &poses)?;
     let sum = |part: &dyn Fn(&HeldOut) -> f64| judged.iter().map(part).sum::<f64>();
@@ -126,9 +127,14 @@ pub(super) fn refine(
     Ok((poses, TextureRefinement { contour_poses, refined, kept, held_out, variance_factors }))
 }
 
-/// Whether an image of a frame takes no part in its refinement: another one from frame to frame.
-fn is_held_out(frame: usize, image: usize, images: &[Contrasts]) -> bool {
-    (image + frame).is_multiple_of(HELD_OUT.min(images[frame].len()))
+/// Whether a point in an image of a frame takes no part in its refinement: other images, or patches, from frame to frame.
+fn is_held_out(frame: usize, image: usize, point: &SurfacePoint, images: &[Contrasts]) -> bool {
+    let count = images[frame].len();
+    if count >= LEAST_IMAGES {
+        return (image + frame).is_multiple_of(HELD_OUT.min(count));
+    }
+    let [x, y, z] = point.patch;
+    (i64::from(x) + 2 * i64::from(y) + 3 * i64::from(z) + frame as i64).rem_euclid(HELD_OUT as i64) == 0
 }
 
 /// What does not change from step to step.
@@ -141,12 +147,12 @@ struct Refiner<'a> {
 }
 
 impl Refiner<'_> {
-    /// All poses after refining some frames by the images chosen by `is_used` (of frame and image), and the factors of the
+    /// All poses after refining some frames by the images chosen by `is_used` (of frame, image and point), and the factors of the
     /// cues' variances.
     fn refined(
         &self,
         frames: &[usize],
-        is_used: impl Fn(usize, usize) -> bool + Sync,
+        is_used: impl Fn(usize, usize, &SurfacePoint) -> bool + Sync,
         after_step: &mut dyn FnMut(&str, &[Pose]) -> bool,
     ) -> Result<(Vec<Pose>, [f64; 3]), AlignmentError> {
         let mut poses = self.fit.poses.clone();
@@ -168,27 +174,29 @@ impl Refiner<'_> {
 
     /// What the images held out of some frames say about their poses.
     fn judge(&self, frames: &[usize], poses: &[Pose]) -> Result<Vec<HeldOut>, InvalidHandModel> {
-        let before = self.observe(frames, &self.fit.poses, Band::Fine, |_, _| true)?;
-        let after = self.observe(frames, poses, Band::Fine, |_, _| true)?;
+        let before = self.observe(frames, &self.fit.poses, Band::Fine, |_, _, _| true)?;
+        let after = self.observe(frames, poses, Band::Fine, |_, _, _| true)?;
         let references = References::new(&after, self.points);
         let of_frame = |place: usize| {
-            let is_held_out = |image| is_held_out(frames[place], image, self.images);
+            let is_held_out = |image, point: &SurfacePoint| is_held_out(frames[place], image, point, self.images);
             HeldOut::new(&references, self.points, place, [&before[place], &after[place]], is_held_out)
         };
         Ok((0..frames.len()).into_par_iter().map(of_frame).collect())
     }
 
-    /// What the images of some frames show, as far as `is_used` (of frame and image).
+    /// What the images of some frames show, as far as `is_used` (of frame, image and point).
     fn observe(
         &self,
         frames: &[usize],
         poses: &[Pose],
         band: Band,
-        is_used: impl Fn(usize, usize) -> bool + Sync,
+        is_used: impl Fn(usize, usize, &SurfacePoint) -> bool + Sync,
     ) -> Result<Vec<Observed>, InvalidHandModel> {
         let of_frame = |frame: &usize| {
             let images = &self.images[*frame];
-            observe(&self.shaped.model, self.points, &poses[*frame], images, band, |image| is_used(*frame, image))
+            observe(&self.shaped.model, self.points, &poses[*frame], images, band, |image, point| {
+                is_used(*frame, image, point)
+            })
         };
         frames.par_iter().map(of_frame).collect()
     }
@@ -281,16 +289,17 @@ impl HeldOut {
         points: &[SurfacePoint],
         place: usize,
         observed: [&Observed; 2],
-        is_held_out: impl Fn(usize) -> bool,
+        is_held_out: impl Fn(usize, &SurfacePoint) -> bool,
     ) -> HeldOut {
         let mut sum = HeldOut::default();
-        for (point, SurfacePoint { patch, .. }) in points.iter().enumerate() {
+        for (point, surface_point) in points.iter().enumerate() {
+            let is_held_out = |own: &&Observation| is_held_out(own.image, surface_point);
             let expected = observed.map(|observed| {
-                let others = observed[point].iter().filter(|own| !is_held_out(own.image));
+                let others = observed[point].iter().filter(|own| !is_held_out(own));
                 references.expected(place, point, &others.copied().collect::<Vec<Observation>>())
             });
             let [Some(before), Some(after)] = expected else { continue };
-            for first in observed[0][point].iter().filter(|own| is_held_out(own.image)) {
+            for first in observed[0][point].iter().filter(is_held_out) {
                 let Some(second) = observed[1][point].iter().find(|own| own.image == first.image) else { continue };
                 let errors = [(first, before), (second, after)].map(|(own, (value, variance))| {
                     let square = (own.value - value).powi(2);
@@ -298,7 +307,7 @@ impl HeldOut {
                 });
                 sum.count += 1;
                 sum.errors = [0, 1].map(|k| sum.errors[k] + errors[k]);
-                *sum.increases.entry(*patch).or_default() += errors[1] - errors[0];
+                *sum.increases.entry(surface_point.patch).or_default() += errors[1] - errors[0];
             }
         }
         sum

@@ -42,7 +42,7 @@ pub struct Observation {
 /// What a frame's images show, by point.
 pub type Observed = Vec<Vec<Observation>>;
 
-/// What the images chosen by `is_used` show in a pose.
+/// What images show in a pose, of the points chosen by `is_used` (of image and point).
 ///
 /// # Errors
 /// [`InvalidHandModel`] if the pose does not fit the template.
@@ -52,18 +52,18 @@ pub fn observe(
     pose: &Pose,
     images: &Contrasts,
     band: Band,
-    is_used: impl Fn(usize) -> bool,
+    is_used: impl Fn(usize, &SurfacePoint) -> bool,
 ) -> Result<Observed, InvalidHandModel> {
     let posed = pose_hand(model, &[], pose)?.vertices;
     let normals = model.vertex_normals(&posed);
     let places: Vec<(DVec3, DVec3)> =
         points.iter().map(|point| (point.mean_of(&posed), point.mean_of(&normals).normalize_or_zero())).collect();
     let mut observed = vec![vec![]; points.len()];
-    for (image, (camera, contrast)) in images.iter().enumerate().filter(|(image, _)| is_used(*image)) {
+    for (image, (camera, contrast)) in images.iter().enumerate() {
         let nearest = NearestDepth::new(camera, &posed, &model.faces);
         let center = camera.center();
-        for (own, (place, normal)) in observed.iter_mut().zip(&places) {
-            if (center - *place).normalize_or_zero().dot(*normal) < LEAST_COSINE {
+        for ((own, (place, normal)), point) in observed.iter_mut().zip(&places).zip(points) {
+            if !is_used(image, point) || (center - *place).normalize_or_zero().dot(*normal) < LEAST_COSINE {
                 continue;
             }
             let (pixel, depth) = camera.project(*place);
@@ -196,13 +196,15 @@ impl References {
         Some([among, against])
     }
 
-    /// What another image of the frame should show at a point, and its variance.
+    /// What another image of the frame should show at a point, and its variance. `own` may be empty.
     pub fn expected(&self, frame: usize, point: usize, own: &[Observation]) -> Option<(f64, f64)> {
         let Variances { views, frames, .. } = self.variances;
-        let mean = Mean::of(own, views)?;
+        let reference = self.without(frame, point).map(|(value, count)| (value, frames * (1.0 + 1.0 / count)));
+        let Some(mean) = Mean::of(own, views) else {
+            return reference.map(|(value, variance)| (value, views + variance));
+        };
         let error = views / mean.total;
-        let Some((reference, count)) = self.without(frame, point) else { return Some((mean.value, views + error)) };
-        let variance = frames * (1.0 + 1.0 / count);
+        let Some((reference, variance)) = reference else { return Some((mean.value, views + error)) };
         let trust = variance / (variance + error);
         Some((reference + trust * (mean.value - reference), views + trust * error))
     }

@@ -145,6 +145,20 @@ fn known_errors_are_pulled_back_with_any_number_of_threads() {
 }
 
 #[test]
+fn one_image_a_frame_shows_poses_by_the_other_frames() {
+    let scene = Scene::new();
+    for camera in [0, 4] {
+        let images: Vec<Contrasts> = scene.images().into_iter().map(|frame| frame[camera..=camera].to_vec()).collect();
+        let masks: Vec<Images> = scene.mask_images().into_iter().map(|frame| frame[camera..=camera].to_vec()).collect();
+        let (poses, refinement) = refine(&scene.fit(), &images, &masks, &[true; FRAMES], &mut |_, _| true).unwrap();
+        assert!(refinement.held_out[1] < refinement.held_out[0], "{:?}", refinement.held_out);
+        let sum = |poses: &[Pose]| (0..FRAMES).map(|frame| scene.error(poses, frame)).sum::<f64>();
+        println!("camera {camera}: {:.3} -> {:.3} mm", 200.0 * sum(&scene.given), 200.0 * sum(&poses));
+        assert!(sum(&poses) < 0.8 * sum(&scene.given), "camera {camera}");
+    }
+}
+
+#[test]
 fn images_held_out_tell_better_poses_from_worse() {
     let scene = Scene::new();
     let images = scene.images();
@@ -198,7 +212,7 @@ fn derivatives_are_those_of_what_the_images_show() {
     let points = surface_points(&scene.template);
     let pose = &scene.given[0];
     let rig = Rig { shaped: &shaped, edges: &fit.edges, moving: &fit.moving, carries: &fit.carries, huber: 3.0 };
-    let at = |pose: &Pose, band: Band| observe(&scene.template, &points, pose, &images[0], band, |_| true).unwrap();
+    let at = |pose: &Pose, band: Band| observe(&scene.template, &points, pose, &images[0], band, |_, _| true).unwrap();
     let posed = pose_hand(&scene.template, &[], pose).unwrap();
     let mut motion = VertexMotion::new(&rig, &posed);
     let count = 3 * fit.moving.len() + 3;
