@@ -17,8 +17,8 @@ pub(crate) struct Camera {
 impl Camera {
     /// The first camera.
     pub fn first(system: System) -> Result<Camera, FootageError> {
-        let problem = "no camera is connected; connect one, or give a video";
-        system.cameras().into_iter().next().ok_or_else(|| FootageError::unusable(Path::new("camera"), problem))
+        let problem = "there is none; connect one, or give a video";
+        system.cameras().into_iter().next().ok_or_else(|| FootageError::unusable(Path::new("first camera"), problem))
     }
 
     /// The camera of a number from 0, of a device's path (Linux), or of a name or a part of it.
@@ -58,7 +58,7 @@ fn among(text: &str, connected: Vec<Camera>) -> Result<Camera, FootageError> {
     let problem = format!("is neither a camera nor a file; {}", told(&connected));
     position
         .and_then(|position| connected.into_iter().nth(position))
-        .ok_or_else(|| FootageError::unusable(Path::new(text), problem))
+        .ok_or_else(|| FootageError::unusable(Path::new(if text.is_empty() { "\"\"" } else { text }), problem))
 }
 
 fn told(connected: &[Camera]) -> String {
