@@ -26,3 +26,4 @@ pub mod scene_file;
 pub mod train_run;
 #[cfg(feature = "viewer")]
 pub mod viewer;
+pub mod world_landmarks;

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 pub enum FootageError {
     /// A program of ffmpeg is missing.
     #[error(
-        "{}: videos need {program}, which is not installed; install ffmpeg: `apt-get install ffmpeg` (Debian, Ubuntu), \
+        "{}: {program} is needed, which is not installed; install ffmpeg: `apt-get install ffmpeg` (Debian, Ubuntu), \
          `dnf install ffmpeg-free` (Fedora), `brew install ffmpeg` (macOS) or `winget install ffmpeg` (Windows)",
         path.display()
     )]

@@ -70,6 +70,14 @@ impl Footage {
         Self::of(paths.first().map_or(Path::new("pictures"), PathBuf::as_path), Pictures::new(paths.to_vec())?)
     }
 
+    /// The video, if it is one.
+    pub(crate) fn into_video(self) -> Option<Box<Video>> {
+        match self.source {
+            Source::Video(video) => Some(video),
+            Source::Pictures(_) => None,
+        }
+    }
+
     fn of(path: &Path, pictures: Pictures) -> Result<Footage, FootageError> {
         let count = pictures.paths().len();
         let remarks =

@@ -1,7 +1,7 @@
 //! What a video says of itself, by ffprobe.
 
 pub(crate) mod decoder;
-mod programs;
+pub(crate) mod programs;
 mod stream;
 
 use std::io::{BufRead, BufReader, Read};
@@ -69,12 +69,25 @@ impl Video {
             times = (0..times.len()).map(|k| k as f64 / rate).collect();
         }
         remarks.extend(lost_end(&stream, &format, &times));
-        let filters = stream.filters(size, || Program::Ffmpeg.has_filters(&["zscale", "tonemap"]));
+        let filters = stream.filters(size, can_map_tones);
         Ok((Video { path: path.into(), stream, size, has_times, filters }, times, remarks))
     }
 
     pub fn size(&self) -> (u32, u32) {
         self.size
+    }
+
+    /// Its stream, as ffmpeg names it.
+    pub fn map(&self) -> String {
+        format!("0:{}", self.stream.index)
+    }
+
+    /// Filters that make its frames RGB pictures of which no edge is longer than `longest`.
+    pub fn filters_within(&self, longest: u32) -> String {
+        let (width, height) = self.size;
+        let part = (f64::from(longest) / f64::from(width.max(height))).min(1.0);
+        let scaled = |edge: u32| ((f64::from(edge) * part).round() as u32).max(1);
+        self.stream.filters((scaled(width), scaled(height)), can_map_tones)
     }
 
     pub fn has_times(&self) -> bool {
@@ -84,6 +97,11 @@ impl Video {
     pub fn stated_rate(&self) -> Option<f64> {
         self.stream.rate()
     }
+}
+
+/// Whether ffmpeg has the filters for HDR.
+fn can_map_tones() -> bool {
+    Program::Ffmpeg.has_filters(&["zscale", "tonemap"])
 }
 
 fn probe(path: &Path) -> Result<Probed, FootageError> {

@@ -1,6 +1,7 @@
 //! `viewer`: shows an avatar in any pose from any side.
 
 use std::convert::Infallible;
+use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
@@ -22,6 +23,7 @@ use ghand_app::viewer::app::Viewer;
 use ghand_app::viewer::document::capture_panel::CapturePanel;
 use ghand_app::viewer::document::subject::Subject;
 use ghand_app::viewer::document::training_run::TrainingRun;
+use ghand_app::viewer::live::feed::FeedSettings;
 use ghand_app::viewer::screenshot::screenshot;
 use ghand_app::viewer::session::settings::{Settings, Theme};
 use ghand_app::viewer::stage::comparison::Comparison;
@@ -29,6 +31,7 @@ use ghand_app::viewer::stage::layer::Layer;
 use ghand_app::viewer::stage::overlay::Overlay;
 use ghand_app::viewer::window;
 use ghand_app::viewer::window::device_message;
+use ghand_footage::{FootageError, LiveSource};
 use ghand_motion::live::port::{DEFAULT_PORT, LiveSettings};
 
 /// View an animatable hand avatar, or a scene of Gaussians
@@ -78,6 +81,10 @@ struct Arguments {
     /// Also let pages of this origin send live poses, such as https://example.org; may be repeated
     #[arg(long, value_name = "ORIGIN", requires = "live")]
     live_origin: Vec<String>,
+    /// Take live poses from hands before a webcam: the first one, or one by number, device (/dev/video2) or name; or from a
+    /// video, which repeats. Needs ffmpeg
+    #[arg(long, value_name = "CAMERA|VIDEO", num_args = 0..=1, require_equals = true, conflicts_with_all = ["live", "screenshot"])]
+    webcam: Option<Option<OsString>>,
     /// The initial view: a side of the hand (back, palm, thumb-side, little-finger-side, fingertips) or a view saved in the
     /// viewer
     #[arg(long, value_name = "NAME")]
@@ -113,6 +120,7 @@ fn main() -> ExitCode {
 fn run(arguments: Arguments) -> anyhow::Result<()> {
     let start = Instant::now();
     check_options(&arguments)?;
+    let webcam = arguments.webcam.as_ref().map(|text| webcam(text.as_deref())).transpose().context("--webcam")?;
     if arguments.screenshot.is_none() {
         cli::check_display()?;
     }
@@ -155,6 +163,9 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
     }
     if let (Some(_), Subject::Scene { .. }) = (arguments.live, &subject) {
         bail!("--live: {source} is a scene of Gaussians, which cannot be posed; give an avatar or omit --live")
+    }
+    if let (Some(_), Subject::Scene { .. }) = (&webcam, &subject) {
+        bail!("--webcam: {source} is a scene of Gaussians, which cannot be posed; give an avatar or omit --webcam")
     }
     let mut viewer = Viewer::new(&gpu, subject, source.clone())?;
     viewer.log_start(start);
@@ -206,7 +217,12 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
     }
     viewer.use_settings(settings, settings_path);
     if let Some(port) = arguments.live {
-        viewer.start_live(LiveSettings { port: port.unwrap_or(DEFAULT_PORT), origins: arguments.live_origin });
+        let settings = LiveSettings { port: port.unwrap_or(DEFAULT_PORT), origins: arguments.live_origin };
+        viewer.start_live(FeedSettings::Port(settings));
+    }
+    if let Some(source) = webcam {
+        viewer.start_live(FeedSettings::Webcam(source));
+        viewer.wait_for_webcam().context("--webcam")?;
     }
     window::open(&mut viewer)
 }
@@ -246,6 +262,11 @@ fn check_options(arguments: &Arguments) -> anyhow::Result<()> {
         bail!("--basis: --layer {} shows no basis; give --layer basis or coefficient, or omit --basis", layer.name());
     }
     Ok(())
+}
+
+/// The camera or video of `--webcam`.
+fn webcam(text: Option<&OsStr>) -> Result<LiveSource, FootageError> {
+    text.map_or_else(LiveSource::first_camera, LiveSource::find)
 }
 
 /// What to show, and its source.

@@ -239,7 +239,7 @@ pub const COMMANDS: &[Command] = &[
         Menu::Pose,
         "Live poses",
         &[ctrl(Key::L)],
-        "Opens the port through which a tracker or another program drives the hand, or closes it.",
+        "Opens the port, or the webcam of --webcam, through which a tracker drives the hand, or closes it.",
     ),
     command(
         CommandId::ResetAll,

@@ -43,7 +43,7 @@ impl Decoder {
     pub fn start(video: &Video, times: &[f64]) -> Result<Decoder, FootageError> {
         let (width, height) = video.size;
         let filters = format!("{},showinfo=checksum=0", video.filters);
-        let map = format!("0:{}", video.stream.index);
+        let map = video.map();
         let mut child = Program::Ffmpeg
             .reading(&video.path)
             .args(["-map", &map, each_frame_once(), "passthrough", "-vf", &filters])

@@ -22,9 +22,16 @@ impl Program {
         }
     }
 
-    fn command(self) -> Command {
+    /// The program, in the process group of this one.
+    pub fn command_in_group(self) -> Command {
         let mut command = Command::new(self.name());
         command.stdin(Stdio::null()).arg("-hide_banner");
+        command
+    }
+
+    /// The program.
+    pub fn command(self) -> Command {
+        let mut command = self.command_in_group();
         // Ctrl-C in a terminal is for the program that reads, which then closes the pipe.
         #[cfg(unix)]
         std::os::unix::process::CommandExt::process_group(&mut command, 0);

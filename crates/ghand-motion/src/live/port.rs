@@ -11,7 +11,7 @@ use std::net::{Ipv4Addr, Shutdown, SocketAddr, TcpListener, TcpStream, UdpSocket
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use tungstenite::handshake::server::{Callback, ErrorResponse, Request, Response};
 use tungstenite::http::StatusCode;
@@ -144,7 +144,7 @@ fn take_datagrams(socket: &UdpSocket, shared: &Shared) {
         }
         match received.map(|size| buffer.get(..size)) {
             Ok(Some([]) | None) => {}
-            Ok(Some(packet)) => shared.mailbox.put(packet),
+            Ok(Some(packet)) => shared.mailbox.put(packet.to_vec(), Instant::now()),
             // Windows reports here that an earlier answer did not arrive.
             Err(_) => thread::sleep(AFTER_FAILURE),
         }
@@ -209,8 +209,8 @@ fn take_messages(stream: &TcpStream, shared: &Shared) -> tungstenite::Result<()>
     stream.set_read_timeout(None)?;
     loop {
         match socket.read()? {
-            Message::Text(text) => shared.mailbox.put(text.as_bytes()),
-            Message::Binary(bytes) => shared.mailbox.put(&bytes),
+            Message::Text(text) => shared.mailbox.put(text.as_bytes().to_vec(), Instant::now()),
+            Message::Binary(bytes) => shared.mailbox.put(bytes.to_vec(), Instant::now()),
             // Pings and closing are answered in `read`.
             Message::Ping(_) | Message::Pong(_) | Message::Close(_) | Message::Frame(_) => {}
         }

@@ -5,6 +5,7 @@ use ghand_footage::Footage;
 use serde_json::{Map, Value, json};
 
 use super::seen_hands::SeenHands;
+use crate::world_landmarks::{self, side_name};
 
 /// Landmarks in space, as MediaPipe names them: of `side`, or of both hands. Pictures without a hand have none, so that
 /// gaps stay gaps.
@@ -12,13 +13,8 @@ pub(super) fn world_landmarks(footage: &Footage, hands: &SeenHands, side: Option
     let sides: Vec<Side> = side.map_or(vec![Side::Right, Side::Left], |side| vec![side]);
     let frame = |number: usize| {
         let found = sides.iter().filter_map(|side| Some((*side, hands.hand(number, *side)?)));
-        let point =
-            |at: &glam::DVec3| json!({"x": rounded(at.x, 1e5), "y": rounded(at.y, 1e5), "z": rounded(at.z, 1e5)});
-        let (names, points): (Vec<&str>, Vec<Vec<Value>>) =
-            found.map(|(side, hand)| (name(side), hand.world.iter().map(point).collect::<Vec<_>>())).unzip();
         let mut frame = head(footage, number);
-        frame.insert("handedness".into(), json!(names));
-        frame.insert("worldLandmarks".into(), json!(points));
+        frame.extend(world_landmarks::world_landmarks(found));
         Value::Object(frame)
     };
     file(footage, side, frame)
@@ -47,7 +43,7 @@ fn file(footage: &Footage, side: Option<Side>, frame: impl Fn(usize) -> Value) -
         file.insert("fps".into(), json!(rounded(footage.rate(), 1e4)));
     }
     if let Some(side) = side {
-        file.insert("side".into(), json!(name(side)));
+        file.insert("side".into(), json!(side_name(side)));
     }
     file.insert("frames".into(), (0..footage.times().len()).map(frame).collect());
     Value::Object(file)
@@ -61,10 +57,6 @@ fn head(footage: &Footage, number: usize) -> Map<String, Value> {
         head.insert("time".into(), json!(rounded(*time, 1e6)));
     }
     head
-}
-
-fn name(side: Side) -> &'static str {
-    if side == Side::Left { "left" } else { "right" }
 }
 
 /// A number to a part of a unit.

@@ -14,6 +14,7 @@ mod saved_views;
 mod snapshots;
 mod thumbnails;
 mod truth;
+mod webcam;
 
 use std::path::Path;
 use std::sync::{Arc, Mutex};

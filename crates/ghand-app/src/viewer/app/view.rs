@@ -4,10 +4,10 @@ use std::time::Duration;
 
 use egui::{Align2, Button, Color32, Context, FontId, Rect, Ui, vec2};
 use ghand_motion::live::PacketKind;
-use ghand_motion::live::port::LiveSettings;
 
 use crate::viewer::app::Viewer;
 use crate::viewer::live::LiveEvent;
+use crate::viewer::live::feed::FeedSettings;
 use crate::viewer::rendering::picture::Progress;
 use crate::viewer::stage::viewport::Viewport;
 
@@ -75,12 +75,20 @@ impl Viewer {
         });
     }
 
-    /// Opens the port for live poses, now and whenever the user starts them again. If that is impossible, a message
-    /// says why.
-    pub fn start_live(&mut self, settings: LiveSettings) {
+    /// Opens the port or webcam for live poses, now and whenever the user starts them again. If that is impossible, a
+    /// message says why.
+    pub fn start_live(&mut self, settings: FeedSettings) {
         if let Err(error) = self.live.start(settings) {
             self.session.error(&error);
         }
+    }
+
+    /// Waits until the webcam has given its first picture.
+    ///
+    /// # Errors
+    /// One sentence that says why there is none, such as when another program uses the camera.
+    pub fn wait_for_webcam(&mut self) -> anyhow::Result<()> {
+        self.live.wait_for_webcam()
     }
 
     /// Takes the newest live pose. With the first one of a tracker, the view becomes that of the tracker: its hand may
@@ -90,6 +98,7 @@ impl Viewer {
             None | Some(LiveEvent::Begun(PacketKind::Pose)) => {}
             Some(LiveEvent::Begun(_)) => self.stage.look_as_tracker(self.document.subject()),
             Some(LiveEvent::Paused) => self.session.note(PAUSED),
+            Some(LiveEvent::Failed(problem)) => self.session.error(&problem),
         }
     }
 }

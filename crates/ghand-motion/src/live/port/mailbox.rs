@@ -13,7 +13,7 @@ const MOST: usize = 4;
 pub struct Packet {
     /// Its content.
     pub bytes: Vec<u8>,
-    /// When it was complete.
+    /// When it was complete, or what it was made from.
     pub arrived: Instant,
 }
 
@@ -40,7 +40,7 @@ struct Content {
     wake: Option<Wake>,
 }
 
-/// The queue between the threads of the port and the program.
+/// The queue between the threads that receive packets and the program.
 #[derive(Default)]
 pub struct Mailbox {
     content: Mutex<Content>,
@@ -51,9 +51,10 @@ impl Mailbox {
         self.content.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Adds a packet; if too many wait, the oldest is dropped. Wakes the program if none waited.
-    pub fn put(&self, bytes: &[u8]) {
-        let packet = Packet { bytes: bytes.to_vec(), arrived: Instant::now() };
+    /// Adds a packet, with the time at which what it tells was complete; if too many wait, the oldest is dropped. Wakes the
+    /// program if none waited.
+    pub fn put(&self, bytes: Vec<u8>, arrived: Instant) {
+        let packet = Packet { bytes, arrived };
         let mut content = self.content();
         content.tally.received += 1;
         let was_empty = content.waiting.is_empty();
@@ -97,7 +98,7 @@ impl Mailbox {
         self.content().tally.clone()
     }
 
-    /// Calls this from now on when something arrives while nothing waits. It runs on a thread of the port.
+    /// Calls this from now on when something arrives while nothing waits. It runs on the thread that puts it in.
     pub fn wake(&self, wake: impl Fn() + Send + Sync + 'static) {
         self.content().wake = Some(Arc::new(wake));
     }
@@ -110,7 +111,7 @@ mod tests {
     #[test]
     fn the_newest_packets_stay_and_the_others_are_counted() {
         let mailbox = Mailbox::default();
-        (0..100u8).for_each(|k| mailbox.put(&[k]));
+        (0..100u8).for_each(|k| mailbox.put(vec![k], Instant::now()));
         let bytes: Vec<u8> = mailbox.take().iter().map(|packet| packet.bytes[0]).collect();
         assert_eq!(bytes, [96, 97, 98, 99]);
         let tally = mailbox.tally();

@@ -10,13 +10,16 @@ use glam::DVec3;
 use ghand_motion::live::port::LiveSettings;
 
 use super::*;
+use crate::viewer::live::feed::{Feed, FeedSettings};
 
-const ANY_PORT: LiveSettings = LiveSettings { port: 0, origins: Vec::new() };
+fn port(port: u16) -> FeedSettings {
+    FeedSettings::Port(LiveSettings { port, origins: vec![] })
+}
 
 fn viewer() -> Headless {
     let mut ui = Headless::new(Subject::Hand(Box::new(small_hand())), vec2(760.0, 900.0), 0.1);
     ui.frame(Vec::new());
-    ui.viewer().start_live(ANY_PORT);
+    ui.viewer().start_live(port(0));
     ui.frame(Vec::new());
     ui
 }
@@ -32,9 +35,16 @@ fn packet(angle: f64) -> String {
 }
 
 impl Headless {
+    fn port(&mut self) -> u16 {
+        match self.viewer().live.live().unwrap().feed() {
+            Feed::Port(port) => port.number(),
+            Feed::Webcam(_) => panic!("a webcam"),
+        }
+    }
+
     fn send(&mut self, packet: &str) {
-        let port = self.viewer().live.live().unwrap().port();
-        UdpSocket::bind("127.0.0.1:0").unwrap().send_to(packet.as_bytes(), ("127.0.0.1", port)).unwrap();
+        let number = self.port();
+        UdpSocket::bind("127.0.0.1:0").unwrap().send_to(packet.as_bytes(), ("127.0.0.1", number)).unwrap();
     }
 
     /// Sends a pose and shows frames until the hand has it.
@@ -65,8 +75,8 @@ impl Headless {
 #[test]
 fn packets_pose_the_hand_and_the_panel_says_what_comes() {
     let mut ui = viewer();
-    let port = ui.viewer().live.live().unwrap().port();
-    assert!(ui.is_shown(&format!("waiting for data on ws://127.0.0.1:{port}")));
+    let number = ui.port();
+    assert!(ui.is_shown(&format!("waiting for data on ws://127.0.0.1:{number}")));
     let before = ui.canvas().shown().cloned();
     ui.drive(0.2);
     assert!(ui.canvas().shown() != before.as_ref() && ui.drives());
@@ -147,12 +157,12 @@ fn a_trackers_hand_is_seen_as_the_tracker_sees_it() {
 #[test]
 fn a_port_in_use_is_told_and_another_hand_keeps_the_port() {
     let mut ui = viewer();
-    let port = ui.viewer().live.live().unwrap().port();
+    let number = ui.port();
     let mut other = Headless::new(Subject::Hand(Box::new(small_hand())), SIZE, 0.1);
-    other.viewer().start_live(LiveSettings { port, origins: vec![] });
+    other.viewer().start_live(port(number));
     other.frame(Vec::new());
     other.frame(Vec::new());
-    assert!(other.viewer().live.live().is_none() && other.is_shown(&format!("port {port} is already in use")));
+    assert!(other.viewer().live.live().is_none() && other.is_shown(&format!("port {number} is already in use")));
     ui.drive(0.2);
     let folder = tempfile::tempdir().unwrap();
     let left = ProceduralHand { detail: 1, left: true, ..Default::default() }.build().unwrap();
@@ -162,7 +172,7 @@ fn a_port_in_use_is_told_and_another_hand_keeps_the_port() {
     ui.drive(0.3);
     // The port is free again once the viewer does not need it.
     ui.press(Modifiers::COMMAND, Key::L);
-    other.viewer().start_live(LiveSettings { port, origins: vec![] });
+    other.viewer().start_live(port(number));
     assert!(other.viewer().live.live().is_some());
 }
 
