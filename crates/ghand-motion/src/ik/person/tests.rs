@@ -8,6 +8,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::sightings::{Sighting, SightingPosition, WRONG};
 use super::*;
+use crate::image_landmarks::MEDIAPIPE_BESIDE;
 use crate::rest_skeleton::RestSkeleton;
 
 /// Landmarks of a person of known lengths in known poses.
@@ -35,9 +36,12 @@ fn normal(rng: &mut ChaCha8Rng) -> f64 {
 }
 
 fn person(seed: u64, tip_inset: f64) -> Person {
-    let model = model();
+    person_seen(&model(), seed, tip_inset, &[])
+}
+
+fn person_seen(model: &HandModel, seed: u64, tip_inset: f64, beside: &[(usize, DVec3)]) -> Person {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let proportions = Proportions::new(&model, tip_inset, &[]).unwrap();
+    let proportions = Proportions::new(model, tip_inset, beside).unwrap();
     let mut shape = vec![0.0; model.shape_count()];
     for (name, deviation) in SHAPES {
         shape[model.shape_names.iter().position(|known| known == name).unwrap()] = deviation * normal(&mut rng);
@@ -46,7 +50,7 @@ fn person(seed: u64, tip_inset: f64) -> Person {
     let bones = proportions.count() - BONES.len();
     parameters[bones..].iter_mut().for_each(|bone| *bone = rng.random_range(-BONE_RANGE..BONE_RANGE));
     let truth = proportions.hand(&parameters);
-    Person { poses: natural_motion(&model, FRAMES, seed), truth, proportions }
+    Person { poses: natural_motion(model, FRAMES, seed), truth, proportions }
 }
 
 fn vector(rng: &mut ChaCha8Rng, deviation: f64) -> DVec3 {
@@ -95,8 +99,8 @@ impl Person {
 
     /// Relative error of a bone's length, root mean square, and of the sum of all.
     fn length_errors(&self, hand: &HandIk) -> (f64, f64) {
-        let found = Proportions::lengths(hand);
-        let truth = Proportions::lengths(&self.truth);
+        let found = self.proportions.lengths(hand);
+        let truth = self.proportions.lengths(&self.truth);
         let squares = found.iter().zip(&truth).map(|(a, b)| (a / b - 1.0).powi(2)).sum::<f64>();
         let sum = found.iter().sum::<f64>() / truth.iter().sum::<f64>() - 1.0;
         ((squares / found.len() as f64).sqrt(), sum.abs())
@@ -386,13 +390,39 @@ fn fingers_swapped_in_one_camera_are_taken_from_the_other() {
 }
 
 #[test]
+fn landmarks_beside_their_joints_show_where_the_joints_are() {
+    for side in [Side::Right, Side::Left] {
+        let model = builtin_hand(side).unwrap();
+        let person = person_seen(&model, 5, 0.006, &MEDIAPIPE_BESIDE);
+        let rest = person.truth.landmarks(&Pose::rest(model.joint_count()));
+        let joints = person.truth.joints.clone();
+        // Nearer to the fingers, and on the thumb's side of its joint.
+        assert!(rest[0].distance(rest[9]) < 0.95 * joints[0].distance(rest[9]));
+        let thumb = joints[person.proportions.joint_of(1)];
+        assert!((rest[1] - thumb).dot(rest[17] - rest[5]) < 0.0);
+    }
+    let person = person_seen(&model(), 5, 0.006, &MEDIAPIPE_BESIDE);
+    let mut rng = ChaCha8Rng::seed_from_u64(3);
+    let cameras = cameras(3);
+    let seen = person.in_images(&mut rng, &cameras);
+    let off = |proportions: &Proportions| {
+        let found = poses(&fit_person(proportions, &seen, &cameras)).into_iter();
+        let frames = found.zip(&person.poses).enumerate().filter(|(k, _)| *k != WRONG_FRAME);
+        1e3 * median(frames.map(|(_, (found, truth))| found.translation.distance(truth.translation)).collect())
+    };
+    let [with, without] = [off(&person.proportions), off(&Proportions::new(&model(), 0.006, &[]).unwrap())];
+    println!("wrist {with:.1} mm off, {without:.1} without");
+    assert!(with < 3.0 && without > 1.5 * with, "{with} {without}");
+}
+
+#[test]
 fn a_model_with_a_joint_in_the_wrong_place_does_not_distort_the_shape() {
     let person = person(11, 0.006);
-    let truth = Proportions::lengths(&person.truth);
+    let truth = person.proportions.lengths(&person.truth);
     let found = from_lengths(&person.proportions, &truth);
     assert_eq!(found.len(), person.proportions.count());
     let shape = |parameters: &[f64]| person.proportions.shape(parameters);
-    let lengths = Proportions::lengths(&person.proportions.hand(&found));
+    let lengths = person.proportions.lengths(&person.proportions.hand(&found));
     assert!(lengths.iter().zip(&truth).all(|(a, b)| (a / b - 1.0).abs() < 1e-9));
     // The thumb's first joint 15 mm further out, its second bone as much shorter.
     let mut moved = truth;
