@@ -179,7 +179,8 @@ impl Refiner<'_> {
         let references = References::new(&after, self.points);
         let of_frame = |place: usize| {
             let is_held_out = |image, point: &SurfacePoint| is_held_out(frames[place], image, point, self.images);
-            HeldOut::new(&references, self.points, place, [&before[place], &after[place]], is_held_out)
+            let by_patches = self.images[frames[place]].len() < LEAST_IMAGES;
+            HeldOut::new(&references, self.points, place, [&before[place], &after[place]], by_patches, is_held_out)
         };
         Ok((0..frames.len()).into_par_iter().map(of_frame).collect())
     }
@@ -283,12 +284,14 @@ struct HeldOut {
 }
 
 impl HeldOut {
-    /// How far the images held out are from what the others lead to expect. `place` is the frame's in the references.
+    /// How far the images held out are from what the others lead to expect; `by_patches`, from what the other frames do.
+    /// `place` is the frame's in the references.
     fn new(
         references: &References,
         points: &[SurfacePoint],
         place: usize,
         observed: [&Observed; 2],
+        by_patches: bool,
         is_held_out: impl Fn(usize, &SurfacePoint) -> bool,
     ) -> HeldOut {
         let mut sum = HeldOut::default();
@@ -296,7 +299,8 @@ impl HeldOut {
             let is_held_out = |own: &&Observation| is_held_out(own.image, surface_point);
             let expected = observed.map(|observed| {
                 let others = observed[point].iter().filter(|own| !is_held_out(own));
-                references.expected(place, point, &others.copied().collect::<Vec<Observation>>())
+                let others: Vec<Observation> = others.copied().collect();
+                (by_patches || !others.is_empty()).then(|| references.expected(place, point, &others))?
             });
             let [Some(before), Some(after)] = expected else { continue };
             for first in observed[0][point].iter().filter(is_held_out) {
