@@ -60,7 +60,8 @@ pub fn fit_hand(
             lens.camera.translation *= scale;
         }
     }
-    let lengths = lengths_of(model, places.tip_inset, places.beside)?;
+    // What is guessed in space lies at the joints: with `beside` the hand of one camera comes out too near.
+    let lengths = lengths_of(model, places.tip_inset, &[])?;
     let guesses: Vec<Option<[DVec3; LANDMARKS]>> = match lenses {
         [lens] => {
             let scale = guessed_scale(&seen, &lengths);

@@ -240,11 +240,7 @@ fn finished(
 /// Lengths from medians over the frames whose landmarks are all in space; the model's own without any.
 fn from_medians(proportions: &Proportions, seen: &[SeenFrame]) -> Vec<f64> {
     let points: Vec<[DVec3; LANDMARK_COUNT]> = seen.iter().filter_map(SeenFrame::points).collect();
-    let excess = proportions.excess(&proportions.hand(&vec![0.0; proportions.count()]));
-    let observed: [f64; BONES.len()] = std::array::from_fn(|bone| {
-        let (from, to) = BONES[bone];
-        median(points.iter().map(|p| p[from].distance(p[to])).collect()) - excess[bone]
-    });
+    let observed = BONES.map(|(from, to)| median(points.iter().map(|p| p[from].distance(p[to])).collect()));
     if observed.iter().all(|length| *length > 0.0) {
         // Noise makes bones longer: only what all of them say together.
         proportions.without_bones(&from_lengths(proportions, &observed))

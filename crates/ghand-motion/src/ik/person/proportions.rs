@@ -190,13 +190,6 @@ impl Proportions {
         (0..parameters.len()).map(derivative).collect()
     }
 
-    /// How much longer each of [`BONES`] of a hand looks at rest, from landmark to landmark, metres.
-    pub fn excess(&self, hand: &HandIk) -> [f64; BONES.len()] {
-        let seen = hand.landmarks.map(|landmark| hand.joints[landmark]);
-        let own = self.lengths(hand);
-        std::array::from_fn(|bone| seen[BONES[bone].0].distance(seen[BONES[bone].1]) - own[bone])
-    }
-
     /// The joint at a landmark.
     #[cfg(test)]
     pub fn joint_of(&self, landmark: usize) -> usize {
