@@ -148,7 +148,7 @@ fn print_alignment(figures: &AlignmentFigures) {
         say!("           texture refined nothing: no frame has a usable image and pose");
     } else if let Some(texture) = figures.texture {
         say!(
-            "           texture refined {} frames, {} keep their poses; images held out differ by {:.4}, {:.4} before",
+            "           texture refined {} frames, {} keep their poses; what was held out differs by {:.4}, {:.4} before",
             texture.refined_frames,
             texture.kept_frames,
             texture.held_out_after,

@@ -6,8 +6,8 @@
 //! (`agreement.rs`).
 //!
 //! The texture of some images of each frame takes no part; with one or two images a frame, that of some patches of skin. If
-//! these, of all frames together, are not explained better than
-//! by the poses before, nothing is refined; and frames of which they are explained clearly worse keep their poses.
+//! these, of all frames together, are not explained better than by the poses before, nothing is refined; and frames of which
+//! they are explained clearly worse keep their poses.
 
 mod agreement;
 mod bands;
@@ -147,8 +147,8 @@ struct Refiner<'a> {
 }
 
 impl Refiner<'_> {
-    /// All poses after refining some frames by the images chosen by `is_used` (of frame, image and point), and the factors of the
-    /// cues' variances.
+    /// All poses after refining some frames by what `is_used` chooses (of frame, image and point), and the factors of the cues'
+    /// variances.
     fn refined(
         &self,
         frames: &[usize],
