@@ -10,6 +10,7 @@ pub mod framing;
 pub mod light;
 pub mod local_thickness;
 pub mod neighbors;
+pub mod orbit_camera;
 pub mod pose_properties;
 pub mod posed_avatar;
 pub mod posed_hand;
@@ -21,6 +22,7 @@ pub mod scene_files;
 pub mod scene_framing;
 pub mod template;
 mod training_coverage;
+pub mod view_side;
 
 pub use avatar::{Avatar, Provenance};
 #[cfg(feature = "bake")]

@@ -10,10 +10,10 @@ use std::path::{Path, PathBuf};
 
 use egui::{Context, Ui};
 
-use crate::viewer::rendering::camera::ViewPoint;
 use crate::viewer::session::saved_view::{SavedView, view_name};
 use crate::viewer::session::settings::Settings;
 use crate::viewer::session::toasts::Toasts;
+use ghand_avatar::orbit_camera::ViewPoint;
 
 /// Settings and messages.
 #[derive(Default)]

@@ -29,12 +29,10 @@ use glam::DVec2;
 use crate::viewer::document::Document;
 use crate::viewer::document::capture_panel::CapturePanel;
 use crate::viewer::document::subject::Subject;
-use crate::viewer::rendering::camera::{OrbitCamera, Projection, ViewPoint};
 use crate::viewer::rendering::drawing::GaussianColors;
 use crate::viewer::rendering::frame::PictureInputs;
 use crate::viewer::rendering::picture::Progress;
 use crate::viewer::rendering::screen::Screen;
-use crate::viewer::rendering::view_side::ViewSide;
 use crate::viewer::session::Session;
 use crate::viewer::stage::canvas::Canvas;
 use crate::viewer::stage::drags::Drag;
@@ -44,6 +42,8 @@ use crate::viewer::stage::truth_view::{TruthView, comparable, image_region};
 use crate::viewer::stage::turntable::Turntable;
 use crate::viewer::stage::viewport::Viewport;
 use crate::viewer::widgets::number_slider::number_slider;
+use ghand_avatar::orbit_camera::{OrbitCamera, Projection, ViewPoint};
+use ghand_avatar::view_side::ViewSide;
 
 /// Zoom for a scroll of one point; a wheel's notch is about 40.
 pub(crate) const ZOOM_PER_POINT: f64 = 0.002;

@@ -13,8 +13,8 @@ use crate::viewer::dialogs::output_dialog::OutputKind;
 use crate::viewer::document::file_reader::file_name;
 use crate::viewer::hand::Hand;
 use crate::viewer::hand::timeline_panel::KeyRequest;
-use crate::viewer::rendering::view_side::ViewSide;
 use crate::viewer::session::saved_view::SavedView;
+use ghand_avatar::view_side::ViewSide;
 
 /// What an entry of the palette does.
 #[derive(Debug, Clone, PartialEq)]

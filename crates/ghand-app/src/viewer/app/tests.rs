@@ -35,9 +35,9 @@ use crate::pose_choice::pose_by_name;
 use crate::viewer::document::scene::tests::scene;
 use crate::viewer::hand::Hand;
 use crate::viewer::hand::tests::untrained_avatar;
-use crate::viewer::rendering::camera::OrbitCamera;
 use crate::viewer::stage::canvas::Canvas;
 use crate::viewer::stage::resolution::DETAIL_STEP;
+use ghand_avatar::orbit_camera::OrbitCamera;
 
 /// Size of the user interface, points.
 const SIZE: Vec2 = vec2(700.0, 400.0);

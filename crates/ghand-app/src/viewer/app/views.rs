@@ -5,12 +5,12 @@ use egui::Ui;
 
 use crate::viewer::app::Viewer;
 use crate::viewer::document::capture_panel::CapturePanel;
-use crate::viewer::rendering::view_side::ViewSide;
 use crate::viewer::session::ViewRequest;
 use crate::viewer::stage::comparison::Comparison;
 use crate::viewer::stage::layer::Layer;
 use crate::viewer::stage::layer_view::missing_layer;
 use crate::viewer::stage::overlay::Overlay;
+use ghand_avatar::view_side::ViewSide;
 
 impl Viewer {
     /// Shows the view of that name: a side of the hand, or one that was saved.

@@ -18,9 +18,9 @@ use crate::hand_model_file::{is_hand_name, load_hand_model};
 use crate::lighting::Lighting;
 use crate::viewer::document::scene::read_scene;
 use crate::viewer::hand::{Hand, Look};
-use crate::viewer::rendering::camera::OrbitCamera;
 use crate::viewer::rendering::drawing::Drawing;
 use crate::viewer::rendering::drawn_subject::DrawnSubject;
+use ghand_avatar::orbit_camera::OrbitCamera;
 
 /// What the viewer shows.
 pub enum Subject {

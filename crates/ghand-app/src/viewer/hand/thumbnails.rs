@@ -11,10 +11,10 @@ use ghand_core::{HandModel, Pose};
 use ghand_pictures::{Background, Picture};
 use ghand_render::{Gpu, RenderError};
 
-use crate::viewer::rendering::camera::OrbitCamera;
 use crate::viewer::rendering::drawing::GaussianColors;
 use crate::viewer::rendering::drawn_subject::DrawnSubject;
 use crate::viewer::rendering::frame::PictureInputs;
+use ghand_avatar::orbit_camera::OrbitCamera;
 
 /// Edge of a picture, pixels: twice its points, for displays of high resolution.
 const EDGE: u32 = 112;

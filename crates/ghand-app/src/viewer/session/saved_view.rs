@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::viewer::rendering::camera::ViewPoint;
-use crate::viewer::rendering::view_side::ViewSide;
+use ghand_avatar::orbit_camera::ViewPoint;
+use ghand_avatar::view_side::ViewSide;
 
 /// Most characters of a name: more do not fit the panel.
 const LONGEST_NAME: usize = 30;

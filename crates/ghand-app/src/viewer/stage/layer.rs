@@ -60,7 +60,7 @@ pub struct LayerInputs<'a> {
     pub pose: &'a Pose,
     /// The camera.
     pub camera: &'a Camera,
-    /// Depth of the plane from which depths are counted, metres: see [`crate::viewer::rendering::camera::OrbitCamera::apparent_depth`].
+    /// Depth of the plane from which depths are counted, metres: see [`ghand_avatar::orbit_camera::OrbitCamera::apparent_depth`].
     pub depth_from: f64,
     /// The posed Gaussians, metres, world, N.
     pub posed: &'a [DVec3],

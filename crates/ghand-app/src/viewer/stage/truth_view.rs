@@ -13,7 +13,6 @@ use ghand_measure::metrics::{Psnr, psnr, quantize};
 use ghand_render::RenderError;
 
 use crate::viewer::document::capture_panel::CapturePanel;
-use crate::viewer::rendering::camera::OrbitCamera;
 use crate::viewer::rendering::frame::PictureInputs;
 use crate::viewer::stage::canvas::Canvas;
 use crate::viewer::stage::comparison::{Comparison, LARGEST_DIFFERENCE, difference_image};
@@ -21,6 +20,7 @@ use crate::viewer::stage::legend::Legend;
 use crate::viewer::stage::truth_reader::{Pair, TruthReader};
 use crate::viewer::widgets::corner_label::{EDGE_COLOR, LINE_COLOR, corner_label};
 use crate::viewer::widgets::number_slider::number_slider;
+use ghand_avatar::orbit_camera::OrbitCamera;
 
 /// How long each of picture and truth is shown in turn, seconds.
 const FLICKER_SECS: f64 = 0.5;

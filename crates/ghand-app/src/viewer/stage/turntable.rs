@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use egui::Context;
 
-use crate::viewer::rendering::camera::OrbitCamera;
+use ghand_avatar::orbit_camera::OrbitCamera;
 
 /// Seconds of a whole turn.
 const TURN_SECS: f64 = 12.0;

@@ -4,7 +4,7 @@ use egui::accesskit::Role;
 use egui::{Key, Modifiers};
 
 use super::*;
-use crate::viewer::rendering::view_side::ViewSide;
+use ghand_avatar::view_side::ViewSide;
 
 fn viewer() -> Headless {
     let mut ui = Headless::new(Subject::Hand(Box::new(small_hand())), vec2(SIZE.x, 460.0), 0.1);

@@ -4,7 +4,7 @@ use egui::{Key, Modifiers};
 
 use super::pose::WIDE;
 use super::*;
-use crate::viewer::rendering::camera::Projection;
+use ghand_avatar::orbit_camera::Projection;
 
 fn viewer(size: Vec2) -> Headless {
     let mut ui = Headless::new(Subject::Hand(Box::new(small_hand())), size, 0.1);

@@ -6,8 +6,8 @@ use ghand_core::{Camera, HandModel, Pose, Side};
 use glam::{DQuat, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
-use crate::viewer::rendering::view_side::ViewSide;
-use ghand_avatar::framing::{Upright, middle};
+use crate::framing::{Upright, middle};
+use crate::view_side::ViewSide;
 
 /// Field of view along the shorter edge of the picture, radians: about that of a portrait lens.
 const FIELD_OF_VIEW: f64 = 0.4;
@@ -459,7 +459,7 @@ mod tests {
     fn a_fist_fills_the_picture_once_it_is_framed() {
         let (model, mut orbit) = setup();
         let pose = ghand_hand_model::named_poses::named_pose("fist", &model).unwrap();
-        let points = ghand_avatar::framing::posed_vertices(&model, &pose);
+        let points = crate::framing::posed_vertices(&model, &pose);
         let extent = |orbit: &OrbitCamera| {
             let camera = orbit.camera([300, 300]);
             let places: Vec<DVec2> = points.iter().map(|p| (camera.project(*p).0 - camera.principal) / 150.0).collect();
