@@ -67,11 +67,13 @@ pub struct LiveOptions {
     pub smooth: Option<bool>,
     /// Whether the wrist stays where the model has it: the hand turns and bends, but does not leave the view.
     pub in_place: bool,
+    /// Whether packets that show only the other hand are refused instead of mirrored: for scenes with both.
+    pub own_side_only: bool,
 }
 
 impl Default for LiveOptions {
     fn default() -> Self {
-        LiveOptions { smooth: None, in_place: true }
+        LiveOptions { smooth: None, in_place: true, own_side_only: false }
     }
 }
 
@@ -152,7 +154,7 @@ impl LivePoses {
             _ => side,
         };
         let side = side.unwrap_or(model.side);
-        self.check_side(&source, side, seconds)?;
+        self.check_side(&source, side, seconds, options.own_side_only)?;
         let ignored = &mut Vec::new();
         let no_options = PoseOptions::default();
         let (kind, mut pose) = match motion {
@@ -194,13 +196,16 @@ impl LivePoses {
         Ok(LivePose { kind, pose, sent_ms: value.get("sent_ms").and_then(Value::number) })
     }
 
-    fn check_side(&self, source: &Source, side: Side, seconds: f64) -> Result<(), PoseError> {
+    fn check_side(&self, source: &Source, side: Side, seconds: f64, own_only: bool) -> Result<(), PoseError> {
         let own = source.model.side;
         let is_recent = self.own_hand_at.is_some_and(|at| seconds - at < OTHER_HAND_AFTER);
-        if side == own || !is_recent {
+        if side == own || !(own_only || is_recent) {
             return Ok(());
         }
         let [theirs, own] = [side, own].map(side_name);
+        if own_only {
+            return Err(source.invalid("side", format!("shows only a {theirs} hand, and this is a {own} one")));
+        }
         Err(source.invalid("side", format!("shows only a {theirs} hand, just after packets with a {own} one")))
     }
 

@@ -11,7 +11,7 @@ use crate::pose_sequence::read_poses_bytes;
 use crate::test_hands::{natural_pose, procedural, vector};
 
 /// As sent, like a file.
-const AS_SENT: LiveOptions = LiveOptions { smooth: Some(false), in_place: false };
+const AS_SENT: LiveOptions = LiveOptions { smooth: Some(false), in_place: false, own_side_only: false };
 
 fn right() -> &'static HandModel {
     procedural(Side::Right)
@@ -143,7 +143,7 @@ fn landmarks_of_a_hand_of_another_size_are_followed() {
     let grasp = motion("grasp", model, 30.0).unwrap().unwrap();
     let mut live = LivePoses::default();
     let mut random = random();
-    let options = LiveOptions { smooth: None, in_place: true };
+    let options = LiveOptions::default();
     let (mut worst, mut before): (f64, Option<Pose>) = (0.0, None);
     for (k, frame) in grasp.frames.iter().enumerate() {
         let noisy = landmarks_of(model, &frame.pose).map(|point| 1.2 * point + vector(&mut random, 0.001));
@@ -168,7 +168,7 @@ fn only_landmarks_are_smoothed_unless_the_user_decides() {
         [|_, pose| own_packet(pose), |model, pose| landmarks_packet(&landmarks_of(model, pose), "Right")];
     for (packet, smoothed) in kinds.into_iter().zip([false, true]) {
         for smooth in [None, Some(true), Some(false)] {
-            let options = LiveOptions { smooth, in_place: true };
+            let options = LiveOptions { smooth, ..LiveOptions::default() };
             let mut live = LivePoses::default();
             live.read(&bytes(&packet(model, &poses[0])), model, 0.0, &options).unwrap();
             let found = live.read(&bytes(&packet(model, &poses[1])), model, 0.03, &options).unwrap().pose;
