@@ -6,8 +6,12 @@ use ghand_core::{HandModel, Side};
 use crate::HandModelError;
 use crate::files::gltf::read_gltf_bytes;
 
-const RIGHT: &[u8] = include_bytes!("../../../assets/human-hand/right.glb");
-const LEFT: &[u8] = include_bytes!("../../../assets/human-hand/left.glb");
+#[cfg(not(target_arch = "wasm32"))]
+const HANDS: [&[u8]; 2] =
+    [include_bytes!("../../../assets/human-hand/right.glb"), include_bytes!("../../../assets/human-hand/left.glb")];
+/// A page does not download megabytes for hands that avatars bring along.
+#[cfg(target_arch = "wasm32")]
+const HANDS: [&[u8]; 2] = [&[]; 2];
 
 /// Names that [`hand_by_name`] knows.
 pub const HAND_NAMES: [&str; 2] = ["builtin", "builtin-left"];
@@ -18,12 +22,16 @@ pub const HAND_NAMES: [&str; 2] = ["builtin", "builtin-left"];
 /// -Z. The left hand is the mirror image in X.
 ///
 /// # Errors
-/// [`HandModelError`] if the embedded file is not usable, which would be a bug.
+/// [`HandModelError`] if the embedded file is not usable, which would be a bug; always in browsers, where there is none.
 pub fn builtin_hand(side: Side) -> Result<HandModel, HandModelError> {
+    let [right, left] = HANDS;
     let (name, bytes) = match side {
-        Side::Right => ("built-in right hand", RIGHT),
-        Side::Left => ("built-in left hand", LEFT),
+        Side::Right => ("built-in right hand", right),
+        Side::Left => ("built-in left hand", left),
     };
+    if bytes.is_empty() {
+        return Err(HandModelError::invalid(name, "file", "is not part of programs for browsers; give a hand model"));
+    }
     Ok(read_gltf_bytes(name, bytes, None)?.model)
 }
 
