@@ -4,7 +4,9 @@
 //! it ([`Gpu::scoped`]); errors outside scopes go to a handler; and the device can be lost. The last two are recorded
 //! here, and every call that waits checks them ([`Gpu::check`]).
 
+use std::future::poll_fn;
 use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::task::{Poll, Waker};
 
 use crate::device::AdapterChoice;
 use crate::{Gpu, Tier};
@@ -113,6 +115,8 @@ pub(super) struct Reports {
     lost: Option<String>,
     first: Option<String>,
     later: usize,
+    /// Who waits for the loss.
+    waiting: Vec<Waker>,
 }
 
 /// Collects the reports of one device from all threads.
@@ -149,7 +153,11 @@ impl Failure {
         if reason != wgpu::DeviceLostReason::Destroyed {
             log::error!("the graphics device was lost: {message}");
         }
-        self.reports().lost.get_or_insert(message);
+        let mut reports = self.reports();
+        reports.lost.get_or_insert(message);
+        let waiting = std::mem::take(&mut reports.waiting);
+        drop(reports);
+        waiting.into_iter().for_each(Waker::wake);
     }
 }
 
@@ -158,6 +166,22 @@ impl Gpu {
     /// [`Gpu::poll`].
     pub fn is_lost(&self) -> bool {
         self.failure.reports().lost.is_some()
+    }
+
+    /// Resolves with the reason once the device is known to be lost: for programs that do not draw all the time. It does
+    /// not keep the device open.
+    pub fn lost(&self) -> impl Future<Output = String> + use<> {
+        let failure = self.failure.clone();
+        poll_fn(move |context| {
+            let mut reports = failure.reports();
+            match &reports.lost {
+                Some(reason) => Poll::Ready(reason.clone()),
+                None => {
+                    reports.waiting.push(context.waker().clone());
+                    Poll::Pending
+                }
+            }
+        })
     }
 
     /// Fails if the device was lost or has reported an error outside a scope.

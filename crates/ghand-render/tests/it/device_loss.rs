@@ -55,6 +55,25 @@ fn image_bits(gpu: &Gpu) -> Vec<[u32; 4]> {
 }
 
 #[test]
+fn a_program_that_waits_for_the_loss_is_woken() {
+    let gpu = gpu();
+    let lost = gpu.lost();
+    let waits = in_time({
+        let gpu = gpu.clone();
+        move || {
+            let waiting = std::thread::spawn(move || pollster::block_on(lost));
+            std::thread::sleep(Duration::from_millis(50));
+            let early = waiting.is_finished();
+            gpu.device.destroy();
+            let _ = gpu.poll();
+            (early, waiting.join().unwrap())
+        }
+    });
+    assert_eq!(waits, (false, "it was destroyed".to_owned()));
+    assert_eq!(pollster::block_on(gpu.lost()), "it was destroyed", "also afterwards");
+}
+
+#[test]
 fn a_loss_is_distinguished_from_other_errors() {
     let gpu = gpu();
     assert!(!is_loss(gpu.check()) && !is_loss::<()>(Err(RenderError::Device("lost".into()))));
