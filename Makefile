@@ -3,7 +3,7 @@
 SHELL := bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup demo phone-demo test test-long viewer check libraries deny
+.PHONY: help setup demo phone-demo test test-long viewer web check libraries deny
 
 # Vulkan's loader and drivers expect a private runtime folder; containers and bare logins often have none.
 with_runtime_dir = if [ -z "$${XDG_RUNTIME_DIR:-}" ]; then \
@@ -46,6 +46,9 @@ test-long: ## Run all tests, with several times as many random cases
 
 viewer: setup ## Open the viewer on AVATAR=FILE, else on the last trained avatar
 	@$(with_runtime_dir) cargo run --bin viewer -- $(if $(AVATAR),"$(AVATAR)")
+
+web: ## Build the player for web pages into web/dist (see the script for its tools)
+	@bash scripts/build_web.sh
 
 check: ## Formatting, lints, and the libraries' documentation
 	@cargo fmt --all --check

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Whether every crate below training compiles for browsers (wasm32-unknown-unknown).
+# Whether every crate below training, and the player, compiles for browsers (wasm32-unknown-unknown).
 #
 # Takes the toolchain's own target if it is there or can be added. Else, on Debian, the compiler and the sources of the
 # standard library from its packages, unpacked into the cache and not installed. Without either it says so and passes.
@@ -10,7 +10,7 @@ target=wasm32-unknown-unknown
 # Apart from what the other commands build: another compiler may run.
 CARGO_TARGET_DIR=$(realpath -m "${CARGO_TARGET_DIR:-target}/browser")
 export CARGO_TARGET_DIR
-crates=(core files hand-model capture render motion avatar pictures synthetic measure fit tracker)
+crates=(core files hand-model capture render motion avatar pictures synthetic measure fit tracker web)
 cargo=(cargo check --target "$target" "${crates[@]/#/--package=ghand-}")
 
 has_target() { [ -d "$(rustc --print target-libdir --target "$target")" ]; }

@@ -9,6 +9,7 @@ pub mod import;
 pub mod inspect;
 pub mod pose;
 pub mod render;
+pub mod serve;
 pub mod splat;
 pub mod track;
 pub mod train;

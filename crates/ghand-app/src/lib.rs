@@ -26,4 +26,5 @@ pub mod scene_file;
 pub mod train_run;
 #[cfg(feature = "viewer")]
 pub mod viewer;
+pub mod web_page;
 pub mod world_landmarks;

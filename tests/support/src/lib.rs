@@ -1,7 +1,8 @@
 //! What tests of several crates share: hands from a few lengths ([`procedural_hand`]), MANO files ([`mano_files`]), the
 //! inputs of the fuzz targets ([`fuzz_corpus`]), a measure of how deep a posed hand is inside itself
 //! ([`self_penetration`]), pictures as they were before ([`golden`]), how many random cases tests try ([`cases`]), and
-//! what tests are skipped without: files next to the checkout, in `../shared` ([`shared`]), and ffmpeg ([`ffmpeg`]).
+//! what tests are skipped without: files next to the checkout, in `../shared` ([`shared`]), ffmpeg ([`ffmpeg`]) and
+//! Chromium ([`browser`]).
 //!
 //! Cargo hides the output of `println!` in passing tests. A skipped test therefore writes its line directly to standard
 //! error, and appends it to the file in `GHAND_SKIPPED_TESTS`, which `make test` summarises at its end.
@@ -46,6 +47,20 @@ pub fn ffmpeg() -> bool {
         skip("ffmpeg", std::env::var_os(RECORD).as_deref().map(Path::new));
     }
     installed
+}
+
+/// The program of a Chromium that draws with WebGPU without a GPU. If there is none, this function reports the test as
+/// skipped, and the calling test must return.
+pub fn browser() -> Option<&'static str> {
+    let answers = |name: &&str| {
+        let version = Command::new(name).arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status();
+        version.is_ok_and(|status| status.success())
+    };
+    let found = ["chromium", "chromium-browser", "google-chrome"].into_iter().find(answers);
+    if found.is_none() {
+        skip("chromium", std::env::var_os(RECORD).as_deref().map(Path::new));
+    }
+    found
 }
 
 fn find(folder: &Path, name: &str, record: Option<&Path>) -> Option<PathBuf> {

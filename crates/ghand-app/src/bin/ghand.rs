@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand};
 use ghand_app::cli::{self, AdapterArgs};
-use ghand_app::commands::{bake, board, capture, evaluate, export, import, inspect, pose, render, splat, track};
+use ghand_app::commands::{bake, board, capture, evaluate, export, import, inspect, pose, render, serve, splat, track};
 
 /// Work with animatable hand avatars
 #[derive(Debug, Parser)]
@@ -36,6 +36,8 @@ enum Command {
     Pose(pose::PoseArgs),
     /// Check a capture, or describe a hand model, an avatar (.ghand) or a scene (.ply)
     Inspect(inspect::InspectArgs),
+    /// Show avatars in a browser, from a server on this computer
+    Serve(serve::ServeArgs),
     /// Render pictures or a film of a scene of Gaussians (.ply), and the gradient of its pixels
     Splat(splat::SplatArgs),
     /// Find hands in a video or in pictures, and write their landmarks
@@ -77,6 +79,7 @@ fn main() -> ExitCode {
         Command::Import(args) => import::run(args, &arguments.adapter),
         Command::Pose(args) => pose::run(args, &arguments.adapter),
         Command::Inspect(args) => inspect::run(args, &arguments.adapter),
+        Command::Serve(args) => serve::run(args),
         Command::Splat(args) => splat::run(args, &arguments.adapter),
         Command::Track(args) => track::run(args),
         Command::Ablate(args) => args.refused("ablate"),

@@ -37,6 +37,7 @@ mod pictures;
 mod render;
 #[cfg(unix)]
 mod resume;
+mod serve;
 mod splat;
 mod track;
 mod train;
