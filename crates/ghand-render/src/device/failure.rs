@@ -73,6 +73,9 @@ pub enum DeviceError {
 }
 
 fn adapter_remedy(found: &[String]) -> String {
+    if cfg!(target_arch = "wasm32") {
+        return "; turn on hardware acceleration in the browser's settings, or use another browser".into();
+    }
     let install = "(Debian or Ubuntu without a GPU: `apt-get install mesa-vulkan-drivers`, or `scripts/setup.sh`)";
     if found.is_empty() {
         return format!("; install a Vulkan driver {install}");
