@@ -20,6 +20,7 @@ pub mod scene;
 pub mod scene_files;
 pub mod scene_framing;
 pub mod template;
+pub mod textured_hand;
 mod training_coverage;
 
 pub use avatar::{Avatar, Provenance};
