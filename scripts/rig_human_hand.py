@@ -3,8 +3,8 @@
 
     python3 -m venv venv && venv/bin/pip install numpy
     venv/bin/python scripts/rig_human_hand.py assets/human-hand rigged
-    cargo run --bin ghand -- export rigged/right.glb --glb assets/human-hand/right.glb --fit-pose-correctives
-    cargo run --bin ghand -- export rigged/left.glb --glb assets/human-hand/left.glb --fit-pose-correctives
+    cargo run --bin ghand -- export rigged/right.glb --out assets/human-hand/right.glb --fit-pose-correctives
+    cargo run --bin ghand -- export rigged/left.glb --out assets/human-hand/left.glb --fit-pose-correctives
 
 It keeps vertices, texture coordinates, shape directions, the wrist and the joints at the fingertips, and needs nothing
 else of the files: running it on its own result changes nothing. The left hand becomes the mirror image of the right.

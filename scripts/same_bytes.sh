@@ -52,7 +52,7 @@ make_all() {
         ghand render "$file" --pose fist --turntable 2 --size 128x128 --out "render-$avatar" --format exr
     done
     ghand render light/avatar.ghand --pose fist --turntable 2 --size 128x128 --out lit.gif --light studio
-    ghand export direct/avatar.ghand --ply scene.ply --pose victory
+    ghand export direct/avatar.ghand --out scene.ply --pose victory
     ghand splat scene.ply --camera capture/capture.json:cam00 --out splat.exr
     ghand splat scene.ply --camera capture/capture.json:cam00 --out splat.png --weights splat.exr --gradients gradients.safetensors
     ghand pose --pose fist --out fist.glb

@@ -3,13 +3,14 @@
 use std::io::Read;
 use std::path::Path;
 
+use ghand_avatar::gaussian_glb::holds_avatar;
 use ghand_files::input_file;
 use ghand_hand_model::files::read::file_and_side;
 
 /// Kinds of files that commands distinguish before reading them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FileKind {
-    /// An avatar, `.ghand`.
+    /// An avatar: `.ghand`, or a `.glb` that has one.
     Avatar,
     /// A scene of Gaussians: `.ply`, `.spz` or `.splat`, or one in a format that is not read.
     Scene,
@@ -37,6 +38,9 @@ pub fn file_kind(path: &Path) -> FileKind {
     let extension = path.extension().map(|extension| extension.to_string_lossy().to_lowercase());
     match extension.as_deref() {
         _ if read.is_ok() && is_safetensors => FileKind::Avatar,
+        _ if read.is_ok() && start.starts_with(b"glTF") && input_file::open(&path).is_ok_and(holds_avatar) => {
+            FileKind::Avatar
+        }
         _ if read.is_ok() && start.starts_with(b"ply") => FileKind::Scene,
         // An archive, like some hand models.
         Some("sog") => FileKind::Scene,

@@ -16,6 +16,7 @@ use safetensors::{SafeTensors, serialize};
 use serde::{Deserialize, Serialize};
 
 use crate::avatar::{Avatar, Provenance};
+use crate::gaussian_glb::avatar_in;
 use crate::light::{AvatarLight, Gloss, Light, LightKind, Trust};
 use crate::properties::PropertyTables;
 use crate::properties::baked::BakedTables;
@@ -223,7 +224,7 @@ impl Avatar {
     }
 
     /// The bytes of the avatar's file.
-    fn to_bytes(&self, path: &Path) -> Result<Vec<u8>, AvatarFileError> {
+    pub(crate) fn to_bytes(&self, path: &Path) -> Result<Vec<u8>, AvatarFileError> {
         let invalid = |problem: String| AvatarFileError::Invalid { path: path.into(), field: "avatar".into(), problem };
         let metadata = Metadata {
             format: "ghand-avatar".into(),
@@ -260,7 +261,8 @@ impl Avatar {
         serialize(views, Some(block)).map_err(|e| invalid(e.to_string()))
     }
 
-    /// Reads an avatar from a file and validates it completely.
+    /// Reads an avatar from a file and validates it completely: a `.ghand` file, or a glTF file that has one
+    /// ([`crate::gaussian_glb`]).
     ///
     /// # Errors
     /// [`AvatarFileError`] names the file, the field and what is wrong with it.
@@ -289,6 +291,12 @@ fn from_bytes(path: &Path, bytes: &[u8]) -> Result<Avatar, AvatarFileError> {
     if bytes.len() as u64 > LARGEST_FILE {
         return Err(too_large(path));
     }
+    let bytes = match avatar_in(bytes) {
+        Some(inside) => {
+            inside.map_err(|(field, problem)| AvatarFileError::Invalid { path: path.into(), field, problem })?
+        }
+        None => bytes,
+    };
     Reader::new(path, bytes)?.avatar()
 }
 

@@ -6,7 +6,9 @@ pub mod avatar;
 pub mod bake;
 pub mod deform;
 pub mod file;
+pub mod four_bones;
 pub mod framing;
+pub mod gaussian_glb;
 pub mod light;
 pub mod local_thickness;
 pub mod neighbors;
@@ -21,6 +23,7 @@ pub mod scene;
 pub mod scene_files;
 pub mod scene_framing;
 pub mod template;
+pub mod textured_hand;
 mod training_coverage;
 pub mod view_side;
 

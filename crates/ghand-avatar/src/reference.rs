@@ -114,18 +114,26 @@ pub enum TwinError {
 /// # Errors
 /// [`TwinError`] if the pose does not fit the avatar, or its hand model the networks.
 pub fn pose_avatar(avatar: &Avatar, pose: &Pose) -> Result<PosedGaussians, TwinError> {
-    pose_hand(&avatar.model, &[], pose)?;
-    let mut posed = match &avatar.tables {
-        PropertyTables::Baked(tables) => pose_baked(avatar, tables, pose),
-        PropertyTables::Network(tables) => pose_network(avatar, tables, pose)?,
-        PropertyTables::Direct(tables) => DirectTwin::of(avatar, tables).pose(pose).gaussians,
-    };
+    let mut posed = pose_unlit(avatar, pose)?;
     if let Some(light) = &avatar.light {
         let shades = light.at_gaussians(&avatar.model, &light.light.vertex_shades(&avatar.model, pose)?);
         let lit = posed.colors.iter_mut().zip(shades);
         lit.for_each(|(color, shade)| *color *= DVec3::from(shade.map(f64::from)));
     }
     Ok(posed)
+}
+
+/// As [`pose_avatar`], with the colours of the skin where light is apart from them.
+///
+/// # Errors
+/// As [`pose_avatar`].
+pub fn pose_unlit(avatar: &Avatar, pose: &Pose) -> Result<PosedGaussians, TwinError> {
+    pose_hand(&avatar.model, &[], pose)?;
+    Ok(match &avatar.tables {
+        PropertyTables::Baked(tables) => pose_baked(avatar, tables, pose),
+        PropertyTables::Network(tables) => pose_network(avatar, tables, pose)?,
+        PropertyTables::Direct(tables) => DirectTwin::of(avatar, tables).pose(pose).gaussians,
+    })
 }
 
 /// A baked avatar's Gaussians in a pose.

@@ -2,7 +2,7 @@
 
 pub(crate) mod export;
 pub mod glb;
-pub(crate) mod glb_document;
+pub mod glb_document;
 pub mod gltf;
 pub mod mano;
 pub mod obj;

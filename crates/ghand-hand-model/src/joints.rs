@@ -5,3 +5,4 @@ pub mod hand_directions;
 pub mod limits;
 pub mod names;
 pub mod regressor;
+pub mod xr_names;

@@ -1,52 +1,109 @@
-//! `ghand export`: writes a posed avatar as a scene of Gaussians, or a hand model as a rigged mesh, for other programs.
+//! `ghand export`: writes an avatar or a hand model for other programs, in the format that the file's ending says.
 
+mod avatar_glb;
+mod format;
+mod hand_model;
+mod scene;
+mod spark;
+
+use std::convert::Infallible;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
-use clap::Args;
-use ghand_avatar::scene_files::SplatScene;
-use ghand_avatar::{Avatar, PosedHand};
+use clap::{Args, ValueEnum};
+use ghand_avatar::Avatar;
+use ghand_core::HandModel;
 use ghand_files::atomic_file::check_writable;
-use ghand_hand_model::files::rigged_glb::write_rigged_glb;
-use ghand_hand_model::joints::axes::why_without_axes;
-use ghand_hand_model::pose_correctives::fit_pose_directions;
-use ghand_render::DeviceError;
+use ghand_hand_model::joints::xr_names::{XrNames, xr_joint_names};
+use ghand_motion::PoseSequence;
 
 use crate::cli::AdapterArgs;
 use crate::command_inputs::CommandInputs;
+use crate::file_kind::{FileKind, file_kind};
 use crate::hand_model_args::HandModelArgs;
+use crate::hand_model_file::is_hand_name;
 use crate::pose_choice::{PoseReadingArgs, choose_frame};
-use crate::say;
+use format::ExportFormat;
+
+/// Edge of a texture, texels, if the command line says nothing else.
+const DEFAULT_TEXTURE: u32 = 1024;
 
 /// Command line of `ghand export`.
 #[derive(Debug, Args)]
 #[command(group = clap::ArgGroup::new("output").required(true))]
 pub struct ExportArgs {
-    /// The avatar, a .ghand file; for --glb also a hand model: MANO (.pkl, .npz), rigged glTF (.glb, .gltf), builtin or
+    /// The avatar, a .ghand file; for .glb also a hand model: MANO (.pkl, .npz), rigged glTF (.glb, .gltf), builtin or
     /// builtin-left
     #[arg(value_name = "AVATAR|HAND")]
     subject: PathBuf,
-    /// A pose or a motion by name, or a file of poses, as for `render` [default: rest]
-    #[arg(long, value_name = "FILE|NAME", conflicts_with = "glb")]
-    pose: Option<String>,
+    /// What to write, by its ending; metres. .glb: a rigged hand, textured if it is an avatar's. .ply and .spz: the
+    /// Gaussians of a pose, or of each frame of a motion in numbered files
+    #[arg(long, value_name = "FILE", group = "output")]
+    out: Option<PathBuf>,
+    /// A folder for a web page that plays the Gaussians with three.js and Spark: splats, skeleton, motion, index.html
+    #[arg(long, value_name = "DIR", group = "output")]
+    spark: Option<PathBuf>,
+    /// A pose or a motion by name, or a file of poses, as for `render` [default: rest]. Into a .glb go several motions,
+    /// and a pose in which it opens
+    #[arg(long, visible_alias = "motion", value_name = "FILE|NAME")]
+    pose: Vec<String>,
     #[command(flatten)]
     reading_poses: PoseReadingArgs,
-    /// Frame of the file or motion: its id or its number, counted from 0 [default: the first]
-    #[arg(long, value_name = "ID", requires = "pose")]
+    /// Only the frame with this id or number, counted from 0 [default: all]
+    #[arg(long, value_name = "ID")]
     frame: Option<String>,
-    /// The scene to write: a .ply file in the layout of 3D Gaussian Splatting; metres. Opacities of 1 are written as
-    /// 0.99999
-    #[arg(long, value_name = "FILE", group = "output")]
-    ply: Option<PathBuf>,
-    /// The rigged hand to write: a .glb file with skeleton, skinning weights and shapes, at rest; metres. Pose
-    /// correctives are in its extras, where ghand finds them
-    #[arg(long, value_name = "FILE", group = "output")]
-    glb: Option<PathBuf>,
-    /// Fit pose correctives that keep the volume of bent joints, in place of the hand's own
-    #[arg(long, conflicts_with = "ply")]
+    /// Edge of the texture of a .glb, texels: 256, 512, 1024, 2048 or 4096 [default: 1024]
+    #[arg(long, value_name = "N", value_parser = parse_texture)]
+    texture: Option<u32>,
+    /// Names of the joints of a .glb [default: model]
+    #[arg(long, value_enum, value_name = "NAMES")]
+    joint_names: Option<JointNames>,
+    /// Also write the Gaussians into a .glb: other programs show them at rest, ghand plays them as the avatar
+    #[arg(long)]
+    gaussians: bool,
+    /// Degree of the harmonics of a .ply; those beyond 0 are 0, for programs that want 62 numbers per Gaussian
+    #[arg(long, value_name = "DEGREE", value_parser = clap::value_parser!(u32).range(0..=3))]
+    sh_degree: Option<u32>,
+    /// Fit pose correctives that keep the volume of bent joints, in place of the hand's own, into a .glb's extras
+    #[arg(long)]
     fit_pose_correctives: bool,
     #[command(flatten)]
     reading: HandModelArgs,
+    #[arg(long = "ply", hide = true, group = "output", value_parser = refuse_former)]
+    _ply: Option<Infallible>,
+    #[arg(long = "glb", hide = true, group = "output", value_parser = refuse_former)]
+    _glb: Option<Infallible>,
+}
+
+/// Whose names the joints are given.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum JointNames {
+    /// The hand model's own.
+    Model,
+    /// OpenXR's, such as XR_HAND_JOINT_INDEX_PROXIMAL_EXT
+    Openxr,
+    /// WebXR's, such as index-finger-phalanx-proximal
+    Webxr,
+}
+
+impl JointNames {
+    /// The names, in place of the model's.
+    fn of(self, names: &[String]) -> Vec<String> {
+        match self {
+            JointNames::Model => names.to_vec(),
+            JointNames::Openxr => xr_joint_names(names, XrNames::OpenXr),
+            JointNames::Webxr => xr_joint_names(names, XrNames::WebXr),
+        }
+    }
+}
+
+fn refuse_former(_: &str) -> Result<Infallible, String> {
+    Err("the option was replaced; give --out FILE, whose ending (.ply, .glb, .spz) says the format".into())
+}
+
+fn parse_texture(text: &str) -> Result<u32, String> {
+    let size = text.parse().ok().filter(|size: &u32| size.is_power_of_two() && (256..=4096).contains(size));
+    size.ok_or_else(|| "must be 256, 512, 1024, 2048 or 4096".into())
 }
 
 /// Writes what the arguments ask for. All input is read and checked before anything is written.
@@ -54,80 +111,95 @@ pub struct ExportArgs {
 /// # Errors
 /// An error that names the file or the option and its problem.
 pub fn run(args: &ExportArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
-    let inputs = CommandInputs::default()
-        .and([&args.subject])
-        .and(args.reading_poses.inputs(args.pose.as_deref()))
-        .and(args.reading.reading().inputs());
-    [("--ply", &args.ply), ("--glb", &args.glb)]
-        .into_iter()
-        .try_for_each(|(option, path)| path.as_ref().map_or(Ok(()), |path| inputs.refuse(option, path)))?;
-    match (&args.ply, &args.glb) {
-        (Some(ply), _) => scene(args, ply, adapter),
-        (None, Some(glb)) => rigged_hand(args, glb),
-        (None, None) => bail!("give --ply or --glb"),
-    }
-}
-
-/// Checks that a file's name ends as its format's do, and that it can be written.
-fn check_output(option: &str, path: &Path, ending: &str) -> anyhow::Result<()> {
-    if path.extension().is_none_or(|found| !found.eq_ignore_ascii_case(ending)) {
-        bail!("{option} {}: must end in .{ending}", path.display());
-    }
-    check_writable(path).with_context(|| format!("{option} {}: cannot be written", path.display()))
-}
-
-/// Poses the avatar and writes its Gaussians.
-fn scene(args: &ExportArgs, path: &Path, adapter: &AdapterArgs) -> anyhow::Result<()> {
-    args.reading.reading().refuse_for("--ply writes an avatar")?;
-    check_output("--ply", path, "ply")?;
-    let avatar = Avatar::load(&args.subject)?;
-    let pose = args.pose.as_deref().unwrap_or("rest");
-    let frames = args.reading_poses.load(pose, &avatar.model)?.frames;
-    let wanted = args.frame.as_deref().unwrap_or("0");
-    let frame = choose_frame(frames, wanted).with_context(|| pose.to_owned())?;
-    let scene = match adapter.open() {
-        Ok(mut gpu) => gpu.retry_on_device_loss("the export", |gpu| -> anyhow::Result<SplatScene> {
-            let mut hand = PosedHand::new(gpu, &avatar)?;
-            hand.set_pose(gpu, &frame.pose)?;
-            Ok(hand.splats(gpu)?)
-        })?,
-        Err(DeviceError::NoAdapter { found, .. }) if found.is_empty() => {
-            say!("there is no graphics adapter: the processor poses the avatar");
-            PosedHand::splats_on_host(&avatar, &frame.pose)?
-        }
-        Err(error) => return Err(error.into()),
+    let poses: Vec<PathBuf> = match args.pose.is_empty() {
+        true => args.reading_poses.inputs(None),
+        false => args.pose.iter().flat_map(|pose| args.reading_poses.inputs(Some(pose))).collect(),
     };
-    scene.write(path)?;
-    say!("{}: {} Gaussians in the pose {:?}", path.display(), scene.count, frame.id);
-    Ok(())
+    let inputs = CommandInputs::default().and([&args.subject]).and(poses).and(args.reading.reading().inputs());
+    if args.pose.is_empty() {
+        args.reading_poses.refuse_without("--pose")?;
+        if args.frame.is_some() {
+            bail!("--frame: chooses a frame of a motion, and needs --pose; give it, or omit --frame");
+        }
+    }
+    match (&args.out, &args.spark) {
+        (Some(out), _) => {
+            let format = ExportFormat::of(out)?;
+            args.refuse_other_formats(format)?;
+            inputs.refuse("--out", out)?;
+            check_writable(out).with_context(|| format!("--out {}: cannot be written", out.display()))?;
+            match format {
+                ExportFormat::Glb if is_avatar(&args.subject) => avatar_glb::write(args, out, adapter),
+                ExportFormat::Glb => hand_model::write(args, out),
+                ExportFormat::Ply | ExportFormat::Spz => scene::write(args, format, out, &inputs, adapter),
+            }
+        }
+        (None, Some(folder)) => {
+            args.refuse("--spark", &["--texture", "--joint-names", "--gaussians", "--sh-degree", FIT])?;
+            spark::write(args, folder, &inputs, adapter)
+        }
+        (None, None) => bail!("give --out or --spark"),
+    }
 }
 
-/// Writes the hand with its skeleton.
-fn rigged_hand(args: &ExportArgs, path: &Path) -> anyhow::Result<()> {
-    args.reading_poses.refuse_without("--pose and --ply")?;
-    if args.frame.is_some() {
-        bail!("--frame: --glb writes the hand at rest; give --ply, or omit --frame");
+const FIT: &str = "--fit-pose-correctives";
+
+fn is_avatar(path: &Path) -> bool {
+    file_kind(path) == FileKind::Avatar
+}
+
+impl ExportArgs {
+    /// Fails if an option is given that means nothing for a format.
+    fn refuse_other_formats(&self, format: ExportFormat) -> anyhow::Result<()> {
+        match format {
+            ExportFormat::Glb => self.refuse(".glb", &["--sh-degree"]),
+            ExportFormat::Ply => self.refuse(".ply", &["--texture", "--joint-names", "--gaussians", FIT]),
+            ExportFormat::Spz => {
+                self.refuse(".spz", &["--texture", "--joint-names", "--gaussians", "--sh-degree", FIT])
+            }
+        }
     }
-    check_output("--glb", path, "glb")?;
-    let file = args.reading.reading().load(Some(&args.subject))?;
-    for warning in &file.warnings {
-        log::warn!("{warning}");
+
+    /// Fails if one of these options is given.
+    fn refuse(&self, what: &str, options: &[&str]) -> anyhow::Result<()> {
+        let given = [
+            ("--texture", self.texture.is_some()),
+            ("--joint-names", self.joint_names.is_some()),
+            ("--gaussians", self.gaussians),
+            ("--sh-degree", self.sh_degree.is_some()),
+            (FIT, self.fit_pose_correctives),
+        ];
+        match given.into_iter().find(|(name, given)| *given && options.contains(name)) {
+            Some((name, _)) => bail!("{name}: means nothing for {what}; omit it"),
+            None => Ok(()),
+        }
     }
-    let mut model = file.model;
-    if args.fit_pose_correctives {
-        model.pose_directions = fit_pose_directions(&model).with_context(|| {
-            let cause = why_without_axes(&model.joint_names);
-            format!("--fit-pose-correctives: {}: {cause}", args.subject.display())
-        })?;
+
+    /// The frames of a pose or a motion by name or of a file; of it, with --frame, one.
+    fn frames(&self, pose: &str, model: &HandModel) -> anyhow::Result<PoseSequence> {
+        let mut sequence = self.reading_poses.load(pose, model)?;
+        if let Some(wanted) = &self.frame {
+            sequence.frames = vec![choose_frame(sequence.frames, wanted).with_context(|| pose.to_owned())?];
+        }
+        Ok(sequence)
     }
-    write_rigged_glb(path, &model)?;
-    say!(
-        "{}: {} vertices, {} joints, {} shapes, {} pose directions",
-        path.display(),
-        model.vertices.len(),
-        model.joint_count(),
-        model.shape_count(),
-        model.pose_directions.len() / model.vertices.len().max(1)
-    );
-    Ok(())
+
+    /// The avatar, for formats of Gaussians.
+    fn avatar(&self) -> anyhow::Result<Avatar> {
+        let shown = self.subject.display();
+        if is_hand_name(&self.subject) || (self.subject.exists() && file_kind(&self.subject) == FileKind::HandModel) {
+            bail!("{shown}: is a hand model, which has no Gaussians; give an avatar, or write a .glb");
+        }
+        self.reading.reading().refuse_for("only an avatar has Gaussians")?;
+        Ok(Avatar::load(&self.subject)?)
+    }
+
+    /// The only pose or motion, for formats that have one.
+    fn only_pose(&self) -> anyhow::Result<&str> {
+        match &self.pose[..] {
+            [] => Ok("rest"),
+            [pose] => Ok(pose),
+            [_, second, ..] => bail!("--pose {second}: a second pose or motion; only a .glb has several"),
+        }
+    }
 }

@@ -72,7 +72,7 @@ fn without_an_adapter_an_avatar_is_exported_alike() {
     save_avatar(folder.path());
     let nowhere = ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"].map(|variable| (variable, "/nonexistent.json"));
     let export = |file: &str, pose: &str, variables: &[(&str, &str)]| {
-        let output = run_in(GHAND, folder.path(), &["export", "hand.ghand", "--pose", pose, "--ply", file], variables);
+        let output = run_in(GHAND, folder.path(), &["export", "hand.ghand", "--pose", pose, "--out", file], variables);
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
         (SplatScene::read(&folder.path().join(file)).unwrap(), String::from_utf8(output.stdout).unwrap())
     };

@@ -14,8 +14,8 @@ fn an_output_that_is_an_input_is_refused_by_any_of_its_names() {
     save_avatar(folder);
     small_capture(&folder.join("S"));
     let at = |name: &str| folder.join(name);
-    assert!(run(GHAND, folder, &["export", "builtin", "--glb", "hand.glb"]).status.success());
-    assert!(run(GHAND, folder, &["export", "hand.ghand", "--ply", "scene.ply"]).status.success());
+    assert!(run(GHAND, folder, &["export", "builtin", "--out", "hand.glb"]).status.success());
+    assert!(run(GHAND, folder, &["export", "hand.ghand", "--out", "scene.ply"]).status.success());
     assert!(run(GHAND, folder, &["pose", "--pose", "fist", "--out", "fist.json"]).status.success());
     Rgb32FImage::new(40, 30).save(at("w.exr")).unwrap();
     std::fs::copy(at("hand.ghand"), at("hand.png")).unwrap();
@@ -33,10 +33,10 @@ fn an_output_that_is_an_input_is_refused_by_any_of_its_names() {
         ("ghand bake hand.ghand --out sub/../hand.ghand", "hand.ghand"),
         ("ghand bake hand.ghand --out fist.ghand", "fist.json exists already"),
         ("ghand bake hand.ghand --poses S --out S/capture.ghand", "S/capture.json"),
-        ("ghand export hand.glb --glb hand.glb", "hand.glb, which"),
-        ("ghand export hand.glb --glb linked.glb", "hand.glb, which"),
+        ("ghand export hand.glb --out hand.glb", "hand.glb, which"),
+        ("ghand export hand.glb --out linked.glb", "hand.glb, which"),
         #[cfg(unix)]
-        ("ghand export symbolic.glb --glb hand.glb", "symbolic.glb, which"),
+        ("ghand export symbolic.glb --out hand.glb", "symbolic.glb, which"),
         ("ghand pose --hand-model hand.glb --out ./hand.glb", "hand.glb, which"),
         ("ghand pose --pose fist.json --out fist.json", "fist.json, which"),
         ("ghand pose --pose S --out S/capture.json", "a folder that this command reads"),

@@ -32,7 +32,7 @@ fn pictures_of_the_programs_look_as_before() {
         ("mesh-solid", "pose --pose pinch --size 160x160 --picture NAME.png"),
         ("mesh-wireframe", "pose --pose spread --style wireframe --size 160x160 --picture NAME.png"),
         ("mesh-weights", "pose --hand-model builtin-left --style weights --size 160x160 --picture NAME.png"),
-        ("scene-export", "export demo.ghand --pose point --ply scene.ply"),
+        ("scene-export", "export demo.ghand --pose point --out scene.ply"),
         ("scene", "splat scene.ply --turntable 3 --size 160x160 --out NAME"),
     ] {
         ghand(folder.path(), &arguments.replace("NAME", name));

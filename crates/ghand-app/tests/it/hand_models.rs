@@ -241,25 +241,25 @@ fn a_rigged_hand_is_exported_and_read_back() {
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
         String::from_utf8_lossy(&output.stdout).into_owned()
     };
-    assert!(said(&["builtin", "--glb", "hand.glb"]).contains("25 joints, 10 shapes, 216 pose directions"));
+    assert!(said(&["builtin", "--out", "hand.glb"]).contains("25 joints, 10 shapes, 216 pose directions"));
     let [read, built_in] = [read_gltf(&folder.path().join("hand.glb")), builtin_hand(Side::Right)].map(Result::unwrap);
     assert_eq!((read.vertices, read.shape_names), (built_in.vertices, built_in.shape_names));
     // An avatar has no correctives any more; its template is given new ones.
     save_avatar(folder.path());
-    assert!(said(&["hand.ghand", "--glb", "plain.glb"]).contains(" 0 pose directions"));
-    assert!(said(&["hand.ghand", "--glb", "fitted.GLB", "--fit-pose-correctives"]).contains(" 135 pose directions"));
+    assert!(said(&["hand.ghand", "--out", "plain.glb"]).contains(" 0 pose directions"));
+    assert!(said(&["hand.ghand", "--out", "fitted.GLB", "--fit-pose-correctives"]).contains(" 135 pose directions"));
     for (arguments, expected) in [
-        (&["builtin"][..], "--ply"),
-        (&["builtin", "--glb", "hand.obj"], "hand.obj: must end in .glb"),
-        (&["builtin", "--ply", "hand.ply", "--fit-pose-correctives"], "--ply"),
-        (&["builtin", "--glb", "other.glb", "--pose", "fist"], "--pose"),
-        (&["absent.glb", "--glb", "other.glb"], "absent.glb"),
-        (&["builtin", "--glb", "hand.glb/other.glb"], "hand.glb/other.glb"),
+        (&["builtin"][..], "--out"),
+        (&["builtin", "--out", "hand.obj"], "hand.obj: must end in one of .glb"),
+        (&["builtin", "--out", "hand.ply", "--fit-pose-correctives"], "--fit-pose-correctives: means nothing for .ply"),
+        (&["builtin", "--out", "other.glb", "--pose", "fist"], "--pose"),
+        (&["absent.glb", "--out", "other.glb"], "absent.glb"),
+        (&["builtin", "--out", "hand.glb/other.glb"], "hand.glb/other.glb"),
     ] {
         assert_one_sentence(&export(arguments), &[expected]);
     }
     let tiny = tiny_mano().display().to_string();
-    let unknown = export(&[&tiny, "--glb", "tiny.glb", "--fit-pose-correctives"]);
+    let unknown = export(&[&tiny, "--out", "tiny.glb", "--fit-pose-correctives"]);
     let told = String::from_utf8_lossy(&unknown.stderr);
     assert!(
         told.contains("error: --fit-pose-correctives: ")
@@ -348,7 +348,7 @@ fn every_program_that_opens_a_hand_warns_as_inspect_does() {
         for arguments in [
             &["inspect", name][..],
             &["pose", "--hand-model", name, "--out", "mesh.obj"],
-            &["export", name, "--glb", "again.glb"],
+            &["export", name, "--out", "again.glb"],
         ] {
             assert!(told(arguments).contains(expected), "{arguments:?}: {}", told(arguments));
         }

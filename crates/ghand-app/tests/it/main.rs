@@ -25,6 +25,7 @@ mod ends;
 #[cfg(target_os = "linux")]
 mod environment;
 mod evaluate;
+mod export;
 mod golden;
 mod hand_models;
 mod import;

@@ -48,8 +48,8 @@ fn options_for_files_of_poses_are_refused_without_one() {
         ("ghand pose --out a.obj --pose count --fps 10", "--fps"),
         ("ghand bake hand.ghand --out b.ghand --side left", "--side"),
         ("ghand bake hand.ghand --out b.ghand --poses fist --side left", "--side"),
-        ("ghand export hand.ghand --glb a.glb --in-place", "--in-place"),
-        ("ghand export hand.ghand --ply a.ply --pose fist --fps 3", "--fps"),
+        ("ghand export hand.ghand --out a.glb --in-place", "--in-place"),
+        ("ghand export hand.ghand --out a.ply --pose fist --fps 3", "--fps"),
         ("viewer hand.ghand --screenshot a.png --side left", "--side"),
         ("viewer hand.ghand --screenshot a.png --pose fist --take a", "--take"),
     ] {
@@ -71,7 +71,7 @@ fn options_for_captures_and_hand_models_are_refused_where_there_are_none() {
         ("viewer hand.ghand --screenshot a.png --left-shapes-as-published", ["--left-shapes-as-published", "omit it"]),
         ("ghand inspect builtin --uv u.obj", ["--uv u.obj", "a hand of ghand"]),
         ("ghand inspect hand.ghand --left-shapes-as-published", ["--left-shapes-as-published", "is an avatar"]),
-        ("ghand export hand.ghand --ply a.ply --uv u.obj", ["--uv u.obj", "writes an avatar"]),
+        ("ghand export hand.ghand --out a.ply --uv u.obj", ["--uv u.obj", "only an avatar has Gaussians"]),
         ("ghand pose --out a.obj --left-shapes-as-published", ["--left-shapes-as-published", "built-in hand"]),
     ] {
         refused(folder.path(), line, &parts);
@@ -97,7 +97,7 @@ fn options_that_need_another_are_refused_without_it() {
         ("viewer hand.ghand --webcam=hand.ghand", "--webcam: hand.ghand: is not a video"),
         ("ghand splat none.ply --camera c.json --up z --out a.png", "--up"),
         ("ghand splat none.ply --turntable 2 --gradients g.safetensors --out pictures", "--gradients"),
-        ("ghand export hand.ghand --glb a.glb --frame 2", "--frame"),
+        ("ghand export hand.ghand --out a.glb --frame 2", "--frame"),
         ("ghand stress --cases 3", "laboratory: ghand-lab stress --cases 3"),
         ("ghand explain hand.ghand --out e", "laboratory: ghand-lab explain hand.ghand --out e"),
         ("ghand capture --out C --masks arm", "--masks arm"),

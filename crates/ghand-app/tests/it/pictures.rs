@@ -192,7 +192,7 @@ fn films_are_encoded_by_ffmpeg_and_its_absence_is_reported_with_a_remedy() {
 fn an_exported_avatar_looks_like_its_rendering() {
     let folder = tempfile::tempdir().unwrap();
     save_avatar(folder.path());
-    let text = said(folder.path(), &["export", "hand.ghand", "--pose", "fist", "--ply", "new/Fist.PLY"]);
+    let text = said(folder.path(), &["export", "hand.ghand", "--pose", "fist", "--out", "new/Fist.PLY"]);
     assert!(text.starts_with("new/Fist.PLY: ") && text.contains("Gaussians"), "{text}");
     let camera = concat!(env!("CARGO_MANIFEST_DIR"), "/../../examples/camera.json");
     let shared = ["--camera", camera, "--size", "200x200", "--background", "0.3,0.3,0.9"];
@@ -215,9 +215,9 @@ fn an_exported_avatar_looks_like_its_rendering() {
         let seen = open(folder.path(), view).into_rgb8().pixels().filter(|p| p.0 != [0; 3]).count();
         assert!((500..2800).contains(&seen), "{view}: {seen} of 3600 pixels");
     }
-    let one = ["export", "hand.ghand", "--pose", "grasp", "--frame", "99999", "--ply", "b.ply"];
+    let one = ["export", "hand.ghand", "--pose", "grasp", "--frame", "99999", "--out", "b.ply"];
     assert_one_sentence(&run(GHAND, folder.path(), &one), &["grasp", "99999"]);
-    assert_one_sentence(&run(GHAND, folder.path(), &["export", "hand.ghand", "--ply", "b.obj"]), &["b.obj", ".ply"]);
+    assert_one_sentence(&run(GHAND, folder.path(), &["export", "hand.ghand", "--out", "b.obj"]), &["b.obj", ".ply"]);
 }
 
 #[test]

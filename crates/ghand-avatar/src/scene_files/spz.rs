@@ -1,6 +1,8 @@
-//! Niantic's `.spz`, versions 1 to 3: a header and one array after the other, compressed with gzip.
+//! Niantic's `.spz`, versions 1 to 3 (written in version 3): a header and one array after the other, compressed with gzip.
 //!
 //! Its axes are right, up and back; those of a `.ply` are right, down and front, so y and z are turned round.
+
+mod write;
 
 use std::f64::consts::FRAC_1_SQRT_2;
 use std::io::Read;

@@ -97,6 +97,19 @@ impl SplatScene {
         bytes
     }
 
+    /// The same scene with harmonics of this degree, for programs that want those of a trained scene: missing ones are 0,
+    /// surplus ones are omitted.
+    #[must_use]
+    pub fn with_degree(&self, degree: u32) -> SplatScene {
+        let own = self.model();
+        let rows = own.rows();
+        let value = |row: usize, i: usize| match row < rows {
+            true => self.table.get(own.index(row, i, self.count)).copied().unwrap_or_default(),
+            false => 0.0,
+        };
+        SplatScene { degree, table: SplatModel::trained(degree).table(self.count, value), ..*self }
+    }
+
     /// Writes [`SplatScene::to_ply`] to a file, atomically.
     ///
     /// # Errors
@@ -123,6 +136,21 @@ mod tests {
             assert_eq!(says, scene.antialias);
             assert_eq!(SplatScene::read(&path).unwrap(), scene);
         }
+    }
+
+    #[test]
+    fn a_scene_padded_to_degree_3_has_62_numbers_a_gaussian_and_looks_the_same() {
+        let table = (0..SplatModel::trained(0).rows() * 4).map(|k| (k as f32 * 0.31).cos()).collect();
+        let scene = SplatScene { degree: 0, count: 4, table, antialias: true };
+        let padded = scene.with_degree(3);
+        let ply = padded.to_ply();
+        let text = String::from_utf8_lossy(&ply[..4000.min(ply.len())]).into_owned();
+        assert_eq!(text.matches("property float ").count(), 62);
+        let end = text.find("end_header\n").unwrap() + "end_header\n".len();
+        assert_eq!(ply.len() - end, 4 * 62 * 4);
+        assert!((0..14).all(|row| padded.row(row).eq(scene.row(row))));
+        assert!((14..padded.model().rows()).all(|row| padded.row(row).all(|v| v == 0.0)));
+        assert_eq!(padded.with_degree(0), scene);
     }
 
     #[test]

@@ -28,7 +28,10 @@ pub fn glb_bytes(model: &HandModel, shape: &[f64], pose: &Pose) -> Result<Vec<u8
     let mut document = GlbDocument::new(model);
     let primitive = document.primitive(&mesh, &positions, &directions)?;
     let mesh = document.mesh(primitive);
-    document.finish(&[0], json!([{"mesh": 0, "name": model.name}]), mesh, None)
+    document.push("meshes", mesh);
+    document.push("nodes", json!({"mesh": 0, "name": model.name}));
+    document.push("scenes", json!({"nodes": [0]}));
+    document.finish()
 }
 
 /// Displacements `[n_s][V]` of the posed vertices per unit of each shape parameter, metres. They are the same in every

@@ -1,9 +1,9 @@
-//! A GLB file in the making: its buffer, the accessors into it, and what both writers put there.
+//! A GLB file in the making: its buffer, the accessors into it, and the lists of its JSON.
 
 use ghand_core::HandModel;
 use ghand_core::mesh::RenderMesh;
 use glam::{DVec3, Mat4, Vec3};
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
 
 use crate::HandModelError;
 
@@ -14,22 +14,60 @@ const U16: u32 = 5123;
 const VERTEX_BUFFER: u32 = 34962;
 const INDEX_BUFFER: u32 = 34963;
 
-/// The buffer of a GLB file with its views and accessors, one view for each accessor. All parts are multiples of four
-/// bytes, so that every one is aligned.
-pub(crate) struct GlbDocument<'a> {
+/// The buffer of a GLB file with its views and accessors, one view for each accessor. All parts begin at multiples of
+/// four bytes, so that every one is aligned. [`GlbDocument::push`] adds to the lists of glTF: nodes, meshes, skins.
+pub struct GlbDocument<'a> {
     model: &'a HandModel,
     binary: Vec<u8>,
-    views: Vec<Value>,
     accessors: Vec<Value>,
+    root: Map<String, Value>,
 }
 
 /// The number of an accessor.
-pub(crate) type Accessor = usize;
+pub type Accessor = usize;
 
 impl<'a> GlbDocument<'a> {
     /// An empty file; the model is named in errors.
-    pub(crate) fn new(model: &'a HandModel) -> GlbDocument<'a> {
-        GlbDocument { model, binary: vec![], views: vec![], accessors: vec![] }
+    pub fn new(model: &'a HandModel) -> GlbDocument<'a> {
+        GlbDocument { model, binary: vec![], accessors: vec![], root: Map::new() }
+    }
+
+    /// Adds to a list of glTF, such as `meshes`; returns the number that it has there.
+    pub fn push(&mut self, list: &str, item: Value) -> usize {
+        let list = self.root.entry(list).or_insert_with(|| json!([]));
+        match list.as_array_mut() {
+            Some(items) => {
+                items.push(item);
+                items.len() - 1
+            }
+            None => 0,
+        }
+    }
+
+    /// Names an extension that the file uses.
+    pub fn use_extension(&mut self, name: &str) {
+        let is_named = self
+            .root
+            .get("extensionsUsed")
+            .and_then(Value::as_array)
+            .is_some_and(|names| names.iter().any(|own| own == name));
+        if !is_named {
+            self.push("extensionsUsed", name.into());
+        }
+    }
+
+    /// Adds the root's part of an extension.
+    pub fn extend_root(&mut self, name: &str, value: Value) {
+        self.use_extension(name);
+        self.root.entry("extensions").or_insert_with(|| json!({}))[name] = value;
+    }
+
+    /// Adds bytes of another format, such as a picture; returns the number of their buffer view.
+    pub fn bytes(&mut self, bytes: &[u8]) -> usize {
+        let begin = self.binary.len();
+        self.binary.extend(bytes);
+        self.binary.resize(self.binary.len().next_multiple_of(4), 0);
+        self.push("bufferViews", json!({"buffer": 0, "byteOffset": begin, "byteLength": bytes.len()}))
     }
 
     /// The primitive of a mesh split at UV seams, with normals, and with morph targets that displace the model's
@@ -37,7 +75,7 @@ impl<'a> GlbDocument<'a> {
     ///
     /// # Errors
     /// [`HandModelError::Invalid`] if a direction is too large for single precision.
-    pub(crate) fn primitive(
+    pub fn primitive(
         &mut self,
         mesh: &RenderMesh,
         positions: &[DVec3],
@@ -68,7 +106,7 @@ impl<'a> GlbDocument<'a> {
     }
 
     /// A mesh of one primitive, which has a morph target for each of the model's shape directions.
-    pub(crate) fn mesh(&self, primitive: Value) -> Value {
+    pub fn mesh(&self, primitive: Value) -> Value {
         let mut mesh = json!({"name": self.model.name, "primitives": [primitive]});
         let shapes = self.model.shape_count();
         if shapes > 0 {
@@ -80,8 +118,11 @@ impl<'a> GlbDocument<'a> {
         mesh
     }
 
-    /// Points or displacements, with the bounds that glTF requires for them.
-    fn displacements(&mut self, values: &[DVec3], field: &str) -> Result<Accessor, HandModelError> {
+    /// Points or displacements of vertices, with the bounds that glTF requires for them.
+    ///
+    /// # Errors
+    /// [`HandModelError::Invalid`] names the field if a number is too large for single precision.
+    pub fn displacements(&mut self, values: &[DVec3], field: &str) -> Result<Accessor, HandModelError> {
         let accessor = self.vectors(values, field, Some(VERTEX_BUFFER))?;
         let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
         for p in values.iter().map(|v| v.as_vec3()) {
@@ -94,7 +135,10 @@ impl<'a> GlbDocument<'a> {
     }
 
     /// Vectors that are no vertex attribute.
-    pub(crate) fn plain_vectors(&mut self, values: &[DVec3], field: &str) -> Result<Accessor, HandModelError> {
+    ///
+    /// # Errors
+    /// As for [`GlbDocument::displacements`].
+    pub fn plain_vectors(&mut self, values: &[DVec3], field: &str) -> Result<Accessor, HandModelError> {
         self.vectors(values, field, None)
     }
 
@@ -107,20 +151,38 @@ impl<'a> GlbDocument<'a> {
     }
 
     /// One of the sets of four joints and four weights of each vertex: its two accessors.
-    pub(crate) fn joints_and_weights(&mut self, joints: &[[u16; 4]], weights: &[[f32; 4]]) -> [Accessor; 2] {
+    pub fn joints_and_weights(&mut self, joints: &[[u16; 4]], weights: &[[f32; 4]]) -> [Accessor; 2] {
         let joints = joints.iter().flatten().flat_map(|joint| joint.to_le_bytes());
         let joints = self.add(joints, U16, "VEC4", Some(VERTEX_BUFFER));
         [joints, self.floats(weights.iter().flatten().copied(), "VEC4", Some(VERTEX_BUFFER))]
     }
 
     /// Indices that are not those of triangles.
-    pub(crate) fn plain_indices(&mut self, values: &[u32]) -> Accessor {
+    pub fn plain_indices(&mut self, values: &[u32]) -> Accessor {
         self.add(values.iter().flat_map(|i| i.to_le_bytes()), U32, "SCALAR", None)
     }
 
     /// Translations as 4x4 matrices.
-    pub(crate) fn translations(&mut self, translations: impl Iterator<Item = Vec3>) -> Accessor {
+    pub fn translations(&mut self, translations: impl Iterator<Item = Vec3>) -> Accessor {
         self.floats(translations.flat_map(|t| Mat4::from_translation(t).to_cols_array()), "MAT4", None)
+    }
+
+    /// Numbers of each vertex; `kind` is glTF's, such as `VEC4`.
+    pub fn vertex_floats(&mut self, values: impl Iterator<Item = f32>, kind: &str) -> Accessor {
+        self.floats(values, kind, Some(VERTEX_BUFFER))
+    }
+
+    /// Values of an animation's channel.
+    pub fn channel(&mut self, values: impl Iterator<Item = f32>, kind: &str) -> Accessor {
+        self.floats(values, kind, None)
+    }
+
+    /// Times of an animation, seconds, ascending.
+    pub fn times(&mut self, seconds: &[f32]) -> Accessor {
+        let accessor = self.floats(seconds.iter().copied(), "SCALAR", None);
+        self.accessors[accessor]["min"] = json!([seconds.first().copied().unwrap_or_default()]);
+        self.accessors[accessor]["max"] = json!([seconds.last().copied().unwrap_or_default()]);
+        accessor
     }
 
     fn floats(&mut self, values: impl Iterator<Item = f32>, kind: &str, target: Option<u32>) -> Accessor {
@@ -144,36 +206,24 @@ impl<'a> GlbDocument<'a> {
             view["target"] = target.into();
         }
         let count = length / (size * components);
-        self.accessors
-            .push(json!({"bufferView": self.views.len(), "componentType": component, "count": count, "type": kind}));
-        self.views.push(view);
+        let view = self.push("bufferViews", view);
+        self.accessors.push(json!({"bufferView": view, "componentType": component, "count": count, "type": kind}));
         self.accessors.len() - 1
     }
 
-    /// The bytes of the file with these nodes, all of `roots` in its scene, this mesh and this skin.
+    /// The bytes of the file. Its first scene is the one that programs show.
     ///
     /// # Errors
     /// [`HandModelError::Invalid`] if the file would be larger than GLB's 4 GiB.
-    pub(crate) fn finish(
-        self,
-        roots: &[usize],
-        nodes: Value,
-        mesh: Value,
-        skin: Option<Value>,
-    ) -> Result<Vec<u8>, HandModelError> {
-        let mut document = json!({
-            "asset": {"version": "2.0", "generator": "ghand"},
-            "scene": 0,
-            "scenes": [{"nodes": roots}],
-            "nodes": nodes,
-            "meshes": [mesh],
-            "buffers": [{"byteLength": self.binary.len()}],
-            "bufferViews": self.views,
-            "accessors": self.accessors,
-        });
-        if let Some(skin) = skin {
-            document["skins"] = json!([skin]);
-        }
+    pub fn finish(mut self) -> Result<Vec<u8>, HandModelError> {
+        let lists = [
+            ("asset", json!({"version": "2.0", "generator": "ghand"})),
+            ("scene", json!(0)),
+            ("buffers", json!([{"byteLength": self.binary.len()}])),
+            ("accessors", self.accessors.into()),
+        ];
+        self.root.extend(lists.map(|(name, value)| (name.to_owned(), value)));
+        let document = Value::Object(self.root);
         let mut text = document.to_string().into_bytes();
         text.resize(text.len().next_multiple_of(4), b' ');
         // File header, and a header for each of the two chunks.

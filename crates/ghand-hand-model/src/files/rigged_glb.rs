@@ -8,17 +8,22 @@
 //!   move, the second `9 x m` displacements, metres: those of all vertices per entry of `R - I`, row by row, `R` being
 //!   the joint's rotation in the axes of the model.
 
+mod motion;
+mod skin;
+
 use std::path::Path;
 
 use ghand_core::mesh::RenderMesh;
 use ghand_core::posing::regress_joints;
-use ghand_core::{HandModel, Side};
+use ghand_core::{HandModel, Pose, Side};
 use glam::DVec3;
 use serde_json::{Value, json};
 
 use super::export;
 use super::glb_document::GlbDocument;
 use crate::HandModelError;
+pub use motion::Motion;
+pub use skin::{Gloss, Skin};
 
 /// Pose correctives that move a vertex by less than this at an entry of 1 of `R - I` are not written, metres.
 const NO_EFFECT: f64 = 1e-6;
@@ -34,35 +39,81 @@ const FEATURES: usize = 9;
 /// [`HandModelError::Invalid`] if the model breaks its invariants, a number is too large for single precision, or the
 /// file would be larger than GLB's 4 GiB.
 pub fn rigged_glb_bytes(model: &HandModel) -> Result<Vec<u8>, HandModelError> {
-    export::check(model, &model.vertices)?;
-    let mesh = in_order_of_vertices(RenderMesh::from_model(model));
-    let mut document = GlbDocument::new(model);
-    let mut primitive = document.primitive(&mesh, &model.vertices, &model.shape_directions)?;
-    for (name, accessor) in joints_and_weights(&mut document, model, &mesh) {
-        primitive["attributes"][name] = accessor.into();
+    RiggedHand::default().document(model)?.finish()
+}
+
+/// What a file of a rigged hand has beside mesh, skeleton and shapes.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct RiggedHand<'a> {
+    /// The look of the skin; without, programs show a white one.
+    pub skin: Option<&'a Skin>,
+    /// Names of the joints in place of the model's, one for each.
+    pub joint_names: Option<&'a [String]>,
+    /// The pose of the skeleton when the file is opened; the bind pose is always that of rest.
+    pub pose: Option<&'a Pose>,
+    /// Animations.
+    pub motions: &'a [Motion<'a>],
+}
+
+impl RiggedHand<'_> {
+    /// A file with the model in its scene, in shape 0, to which more may be added. Node 0 is the root of the joints,
+    /// mesh and skin 0 are the hand's.
+    ///
+    /// # Errors
+    /// As for [`rigged_glb_bytes`], and if a pose or the names do not fit the model.
+    pub fn document<'m>(&self, model: &'m HandModel) -> Result<GlbDocument<'m>, HandModelError> {
+        export::check(model, &model.vertices)?;
+        let names = self.joint_names.unwrap_or(&model.joint_names);
+        if names.len() != model.joint_count() {
+            let problem = format!("{} of them, the model has {} joints", names.len(), model.joint_count());
+            return Err(HandModelError::invalid(model.name.clone(), "joint names", problem));
+        }
+        let mesh = in_order_of_vertices(RenderMesh::from_model(model));
+        let mut document = GlbDocument::new(model);
+        let mut primitive = document.primitive(&mesh, &model.vertices, &model.shape_directions)?;
+        for (name, accessor) in joints_and_weights(&mut document, model, &mesh) {
+            primitive["attributes"][name] = accessor.into();
+        }
+        if let Some(skin) = self.skin {
+            primitive["material"] = skin.add(&mut document).into();
+        }
+        let inverse_bind_matrices = document.translations(model.joints.iter().map(|j| -j.as_vec3()));
+        let mut extras = json!({});
+        if model.shape_count() > 0 {
+            extras["shape"] = joint_shifts(model);
+        }
+        if !model.pose_directions.is_empty() {
+            extras["pose_correctives"] = pose_correctives(&mut document, model, &mesh)?;
+        }
+        let joints = model.joint_count();
+        document.push(
+            "skins",
+            json!({
+                "joints": (0..joints).collect::<Vec<_>>(), "skeleton": 0, "inverseBindMatrices": inverse_bind_matrices,
+                "extras": extras
+            }),
+        );
+        let mut nodes = joint_nodes(model, names);
+        if let Some(pose) = self.pose {
+            motion::pose_nodes(&mut nodes, model, pose)?;
+        }
+        // Readers recognise the side by the name.
+        let name = match model.side {
+            Side::Right => "right_hand",
+            Side::Left => "left_hand",
+        };
+        nodes.push(json!({"name": name, "mesh": 0, "skin": 0}));
+        for node in nodes {
+            document.push("nodes", node);
+        }
+        document.push("scenes", json!({"nodes": [0, joints]}));
+        let mesh = document.mesh(primitive);
+        document.push("meshes", mesh);
+        for motion in self.motions {
+            motion.add(&mut document, model)?;
+        }
+        Ok(document)
     }
-    let inverse_bind_matrices = document.translations(model.joints.iter().map(|j| -j.as_vec3()));
-    let mut extras = json!({});
-    if model.shape_count() > 0 {
-        extras["shape"] = joint_shifts(model);
-    }
-    if !model.pose_directions.is_empty() {
-        extras["pose_correctives"] = pose_correctives(&mut document, model, &mesh)?;
-    }
-    let joints = model.joint_count();
-    let skin = json!({
-        "joints": (0..joints).collect::<Vec<_>>(), "skeleton": 0, "inverseBindMatrices": inverse_bind_matrices,
-        "extras": extras
-    });
-    let mut nodes = joint_nodes(model);
-    // Readers recognise the side by the name.
-    let name = match model.side {
-        Side::Right => "right_hand",
-        Side::Left => "left_hand",
-    };
-    nodes.push(json!({"name": name, "mesh": 0, "skin": 0}));
-    let mesh = document.mesh(primitive);
-    document.finish(&[0, joints], nodes.into(), mesh, Some(skin))
 }
 
 /// Writes [`rigged_glb_bytes`] to a file atomically.
@@ -112,12 +163,12 @@ fn joints_and_weights(document: &mut GlbDocument, model: &HandModel, mesh: &Rend
 }
 
 /// The tree of the joints, each relative to its parent.
-fn joint_nodes(model: &HandModel) -> Vec<Value> {
+fn joint_nodes(model: &HandModel, names: &[String]) -> Vec<Value> {
     let node = |(joint, at): (usize, &DVec3)| {
         let parent = model.parents[joint].map_or(DVec3::ZERO, |parent| model.joints[parent]);
         let children: Vec<usize> =
             (0..model.joint_count()).filter(|&child| model.parents[child] == Some(joint)).collect();
-        let mut node = json!({"name": model.joint_names[joint], "translation": (*at - parent).as_vec3().to_array()});
+        let mut node = json!({"name": names[joint], "translation": (*at - parent).as_vec3().to_array()});
         if !children.is_empty() {
             node["children"] = children.into();
         }

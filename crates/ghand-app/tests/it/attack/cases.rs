@@ -101,7 +101,7 @@ impl Case {
                 self.writes("out.png");
             }
             1 => {
-                self.is(GHAND, &["export", &hand, "--ply", "out.ply"]);
+                self.is(GHAND, &["export", &hand, "--out", "out.ply"]);
                 self.writes("out.ply");
             }
             _ => self.is(GHAND, &["inspect", &hand]),
@@ -178,7 +178,7 @@ impl Case {
                 let camera = self.copy(world, "camera.json");
                 self.is(GHAND, &["splat", &scene, "--camera", &camera, "--out", name]);
             }
-            _ => self.is(GHAND, &["export", &hand, "--ply", name]),
+            _ => self.is(GHAND, &["export", &hand, "--out", name]),
         }
     }
 

@@ -167,3 +167,114 @@ fn numbers_too_large_for_the_file_are_rejected() {
     let message = rigged_glb_bytes(&model).unwrap_err().to_string();
     assert!(message.contains("shape directions: have a number that is too large"), "{message}");
 }
+
+/// A file of a hand with a skin, a pose and two motions, and what the `gltf` crate finds in it.
+fn dressed(model: &HandModel, is_lit: bool, poses: &[Pose]) -> (::gltf::Gltf, Vec<u8>) {
+    let gloss = Some(Gloss { roughness: 0.4, strength: 0.7 });
+    let skin = Skin { png: b"\x89PNG picture".to_vec(), is_lit, gloss };
+    let motions = [Motion { name: "wave", fps: 25.0, poses }, Motion { name: "still", fps: 30.0, poses: &poses[..1] }];
+    let hand = RiggedHand { skin: Some(&skin), pose: Some(&poses[1]), motions: &motions, ..RiggedHand::default() };
+    let file = ::gltf::Gltf::from_slice(&hand.document(model).unwrap().finish().unwrap()).unwrap();
+    let blob = file.blob.clone().unwrap();
+    (file, blob)
+}
+
+fn moving(model: &HandModel) -> Vec<Pose> {
+    let mut poses = vec![Pose::rest(model.joint_count()); 3];
+    for (k, pose) in poses.iter_mut().enumerate() {
+        pose.rotations[0] = DVec3::new(0.0, 2.0 * k as f64, 0.1);
+        pose.rotations[4] = DVec3::new(0.3 * k as f64, 0.0, 0.2);
+        pose.translation = DVec3::new(0.01 * k as f64, 0.0, -0.02);
+    }
+    poses
+}
+
+#[test]
+fn another_reader_finds_the_skins_picture_and_the_motions_at_their_times() {
+    let model = procedural(false);
+    let poses = moving(&model);
+    let (file, blob) = dressed(&model, false, &poses);
+    let image = file.images().next().unwrap();
+    let ::gltf::image::Source::View { view, mime_type } = image.source() else { panic!("no view") };
+    assert_eq!((&blob[view.offset()..][..view.length()], mime_type), (&b"\x89PNG picture"[..], "image/png"));
+    let material = file.materials().next().unwrap();
+    let look = material.pbr_metallic_roughness();
+    assert_eq!((look.roughness_factor(), look.metallic_factor()), (0.4, 0.0));
+    assert_eq!(look.base_color_texture().unwrap().texture().source().index(), image.index());
+    let names: Vec<_> = file.animations().map(|a| a.name().unwrap().to_owned()).collect();
+    assert_eq!(names, ["wave", "still"]);
+    let animation = file.animations().next().unwrap();
+    // Root and finger turn, and the root has a place; nothing else moves.
+    assert_eq!(animation.channels().count(), 3);
+    for channel in animation.channels() {
+        let reader = channel.reader(|_| Some(&blob[..]));
+        let times: Vec<f32> = reader.read_inputs().unwrap().collect();
+        assert_eq!(times, [0.0, 0.04, 0.08]);
+        let node = channel.target().node().index();
+        match reader.read_outputs().unwrap() {
+            ::gltf::animation::util::ReadOutputs::Rotations(found) => {
+                let found: Vec<glam::Quat> = found.into_f32().map(glam::Quat::from_array).collect();
+                assert_eq!(found.len(), 3);
+                assert!(found.windows(2).all(|pair| pair[0].dot(pair[1]) >= 0.0), "the long way round");
+                for (found, pose) in found.iter().zip(&poses) {
+                    let turned = found.as_dquat() * DVec3::new(0.2, 0.3, 0.4);
+                    let expected = glam::DQuat::from_scaled_axis(pose.rotations[node]) * DVec3::new(0.2, 0.3, 0.4);
+                    assert!(turned.distance(expected) < 1e-6, "{node}");
+                }
+            }
+            ::gltf::animation::util::ReadOutputs::Translations(found) => {
+                for (found, pose) in found.zip(&poses) {
+                    let expected = (model.joints[0] + pose.translation).as_vec3();
+                    assert!(node == 0 && glam::Vec3::from(found).distance(expected) < 1e-7);
+                }
+            }
+            _ => panic!("neither rotations nor places"),
+        }
+    }
+}
+
+#[test]
+fn nodes_have_the_pose_and_the_skeleton_moves_the_skin_as_ghand_does() {
+    let model = procedural(true).without_blend_shapes();
+    let poses = moving(&model);
+    let (file, blob) = dressed(&model, true, &poses);
+    assert!(file.extensions_used().any(|name| name == "KHR_materials_unlit"));
+    let mut world = vec![glam::DMat4::IDENTITY; model.joint_count()];
+    for node in file.nodes().take(model.joint_count()) {
+        let own = glam::Mat4::from_cols_array_2d(&node.transform().matrix()).as_dmat4();
+        let parent = model.parents[node.index()].map_or(glam::DMat4::IDENTITY, |parent| world[parent]);
+        world[node.index()] = parent * own;
+    }
+    let skin = file.skins().next().unwrap();
+    let bind: Vec<glam::DMat4> = (skin.reader(|_| Some(&blob[..])).read_inverse_bind_matrices().unwrap())
+        .map(|m| glam::Mat4::from_cols_array_2d(&m).as_dmat4())
+        .collect();
+    let mesh = file.meshes().next().unwrap();
+    let primitive = mesh.primitives().next().unwrap();
+    let reader = primitive.reader(|_| Some(&blob[..]));
+    let order = in_order_of_vertices(RenderMesh::from_model(&model));
+    let expected = order.gather(&pose_hand(&model, &[], &poses[1]).unwrap().vertices);
+    let sets = (reader.read_joints(0).unwrap().into_u16()).zip(reader.read_weights(0).unwrap().into_f32());
+    for ((position, (joints, weights)), expected) in reader.read_positions().unwrap().zip(sets).zip(expected) {
+        let at = glam::Vec3::from(position).as_dvec3();
+        let moved: DVec3 = (joints.iter().zip(weights))
+            .map(|(k, w)| (world[*k as usize] * bind[*k as usize]).transform_point3(at) * f64::from(w))
+            .sum();
+        assert!(moved.distance(expected) < 1e-6, "{moved} against {expected}");
+    }
+}
+
+#[test]
+fn poses_and_names_that_do_not_fit_are_rejected() {
+    let model = procedural(false);
+    let error = |hand: RiggedHand<'_>| hand.document(&model).err().unwrap().to_string();
+    let mut pose = Pose::rest(3);
+    assert!(error(RiggedHand { pose: Some(&pose), ..Default::default() }).contains("pose: has 3 rotations"));
+    pose = Pose::rest(model.joint_count());
+    pose.rotations[2].x = f64::NAN;
+    assert!(error(RiggedHand { pose: Some(&pose), ..Default::default() }).contains("not finite"));
+    let motions = [Motion { name: "m", fps: 30.0, poses: std::slice::from_ref(&pose) }];
+    assert!(error(RiggedHand { motions: &motions, ..Default::default() }).contains("not finite"));
+    let names = vec!["a".to_owned()];
+    assert!(error(RiggedHand { joint_names: Some(&names), ..Default::default() }).contains("joint names: 1 of them"));
+}
