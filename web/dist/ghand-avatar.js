@@ -11,6 +11,7 @@ canvas:focus-visible { outline: 2px solid Highlight; outline-offset: -2px; }
 .message { position: absolute; inset: auto 0 0 0; padding: .5em .8em; pointer-events: none; text-align: center; }
 .message:empty { display: none; }
 .message:not(:empty) { background: color-mix(in srgb, Canvas 85%, transparent); color: CanvasText; }
+:host(.failed) .controls { display: none; }
 .controls { position: absolute; top: 8px; right: 8px; width: 15em; max-width: calc(100% - 16px);
   max-height: calc(100% - 16px); overflow: auto; box-sizing: border-box; border-radius: 6px; padding: .3em .8em;
   background: color-mix(in srgb, Canvas 88%, transparent); color: CanvasText; }

@@ -10,9 +10,10 @@ pub const SCRIPT: &str = include_str!("../../../web/dist/ghand-avatar.js");
 /// The player's WebAssembly.
 pub const WASM: &[u8] = include_bytes!("../../../web/dist/ghand.wasm");
 
-const STYLE: &str = "html, body { height: 100%; margin: 0; color-scheme: light dark; }
-body { background: #e8ebee; }
-@media (prefers-color-scheme: dark) { body { background: #202428; } }
+/// Colour behind the hand, display values, as in the style.
+pub const BACKGROUND: [f32; 3] = [232.0 / 255.0, 235.0 / 255.0, 238.0 / 255.0];
+const STYLE: &str = "html, body { height: 100%; margin: 0; }
+body { background: rgb(232 235 238); }
 ghand-avatar { height: 100%; }";
 
 /// Where a page finds something.

@@ -20,7 +20,7 @@ struct Arguments {
 enum Command {
     /// Render pictures or a film of an avatar
     Render(render::RenderArgs),
-    /// Write a posed avatar as a scene of Gaussians (.ply)
+    /// Write an avatar for other programs: a rigged mesh (.glb), Gaussians (.ply, .spz), a web page (.html)
     Export(export::ExportArgs),
     /// Compare an avatar with images of a capture that training did not see
     Evaluate(evaluate::EvaluateArgs),

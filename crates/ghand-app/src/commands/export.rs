@@ -5,6 +5,7 @@ mod format;
 mod hand_model;
 mod scene;
 mod spark;
+mod web_page;
 
 use std::convert::Infallible;
 use std::path::{Path, PathBuf};
@@ -37,7 +38,8 @@ pub struct ExportArgs {
     #[arg(value_name = "AVATAR|HAND")]
     subject: PathBuf,
     /// What to write, by its ending; metres. .glb: a rigged hand, textured if it is an avatar's. .ply and .spz: the
-    /// Gaussians of a pose, or of each frame of a motion in numbered files
+    /// Gaussians of a pose, or of each frame of a motion in numbered files. .html: a page that plays the avatar in a
+    /// browser, complete in one file
     #[arg(long, value_name = "FILE", group = "output")]
     out: Option<PathBuf>,
     /// A folder for a web page that plays the Gaussians with three.js and Spark: splats, skeleton, motion, index.html
@@ -98,7 +100,7 @@ impl JointNames {
 }
 
 fn refuse_former(_: &str) -> Result<Infallible, String> {
-    Err("the option was replaced; give --out FILE, whose ending (.ply, .glb, .spz) says the format".into())
+    Err("the option was replaced; give --out FILE, whose ending (.glb, .ply, .spz, .html) says the format".into())
 }
 
 fn parse_texture(text: &str) -> Result<u32, String> {
@@ -132,6 +134,7 @@ pub fn run(args: &ExportArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
                 ExportFormat::Glb if is_avatar(&args.subject) => avatar_glb::write(args, out, adapter),
                 ExportFormat::Glb => hand_model::write(args, out),
                 ExportFormat::Ply | ExportFormat::Spz => scene::write(args, format, out, &inputs, adapter),
+                ExportFormat::Html => web_page::write(args, out, adapter),
             }
         }
         (None, Some(folder)) => {
@@ -156,6 +159,9 @@ impl ExportArgs {
             ExportFormat::Ply => self.refuse(".ply", &["--texture", "--joint-names", "--gaussians", FIT]),
             ExportFormat::Spz => {
                 self.refuse(".spz", &["--texture", "--joint-names", "--gaussians", "--sh-degree", FIT])
+            }
+            ExportFormat::Html => {
+                self.refuse(".html", &["--texture", "--joint-names", "--gaussians", "--sh-degree", FIT])
             }
         }
     }

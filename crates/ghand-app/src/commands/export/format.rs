@@ -13,11 +13,17 @@ pub enum ExportFormat {
     Ply,
     /// Gaussians, compressed.
     Spz,
+    /// A page with the player.
+    Html,
 }
 
 impl ExportFormat {
-    const ALL: [(&'static str, ExportFormat); 3] =
-        [("glb", ExportFormat::Glb), ("ply", ExportFormat::Ply), ("spz", ExportFormat::Spz)];
+    const ALL: [(&'static str, ExportFormat); 4] = [
+        ("glb", ExportFormat::Glb),
+        ("ply", ExportFormat::Ply),
+        ("spz", ExportFormat::Spz),
+        ("html", ExportFormat::Html),
+    ];
 
     /// The format of a file.
     ///
@@ -52,7 +58,7 @@ mod tests {
         assert_eq!(ExportFormat::of(Path::new("b.c.spz")).unwrap(), ExportFormat::Spz);
         for other in ["hand.obj", "hand", ".ply"] {
             let message = ExportFormat::of(Path::new(other)).unwrap_err().to_string();
-            assert!(message.contains(other) && message.contains(".glb, .ply, .spz"), "{message}");
+            assert!(message.contains(other) && message.contains(".glb, .ply, .spz, .html"), "{message}");
         }
         assert_eq!(numbered(Path::new("a/wave.1.PLY"), 7), Path::new("a/wave.1-0007.PLY"));
     }
