@@ -127,7 +127,7 @@ fn largest_eigenvector(matrix: &[Vec<f64>]) -> Option<(f64, Vec<f64>)> {
     let mut value = 0.0;
     for _ in 0..ROUNDS {
         let length = vector.iter().map(|v| v * v).sum::<f64>().sqrt();
-        if !(length > 0.0) {
+        if length == 0.0 {
             return None;
         }
         vector.iter_mut().for_each(|v| *v /= length);
