@@ -104,8 +104,8 @@ fn blend(bones: &[DualQuat], joints: &[u16; BONES], weights: &[u8; BONES]) -> (D
         let Some(bone) = bones.get(usize::from(*joint)).filter(|_| *weight > 0) else { continue };
         // Both signs are the same rotation; the nearer one is blended.
         let sign = if real.dot(bone.real) < 0.0 { -1.0 } else { 1.0 };
-        real = real + bone.real * (sign * f64::from(*weight));
-        dual = dual + bone.dual * (sign * f64::from(*weight));
+        real += bone.real * (sign * f64::from(*weight));
+        dual += bone.dual * (sign * f64::from(*weight));
     }
     let length = real.length();
     if length == 0.0 {

@@ -10,6 +10,7 @@
 //! what depends on the view; without light, if the avatar's is apart from its skin.
 
 mod atlas;
+mod correctives;
 mod line_of_sight;
 mod outline;
 
@@ -23,6 +24,7 @@ use glam::DVec3;
 use crate::avatar::Avatar;
 use crate::properties::PropertyTables;
 use crate::reference::{PosedGaussians, TwinError, pose_unlit};
+pub use correctives::Correctives;
 use line_of_sight::Cloud;
 
 /// Largest edge of a texture, texels.

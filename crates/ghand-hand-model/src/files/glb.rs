@@ -27,7 +27,7 @@ pub fn glb_bytes(model: &HandModel, shape: &[f64], pose: &Pose) -> Result<Vec<u8
     let mesh = RenderMesh::from_model(model);
     let mut document = GlbDocument::new(model);
     let primitive = document.primitive(&mesh, &positions, &directions)?;
-    let mesh = document.mesh(primitive);
+    let mesh = document.mesh(primitive, &vec![0.0; model.shape_count()], &model.shape_names);
     document.push("meshes", mesh);
     document.push("nodes", json!({"mesh": 0, "name": model.name}));
     document.push("scenes", json!({"nodes": [0]}));

@@ -105,15 +105,14 @@ impl<'a> GlbDocument<'a> {
         Ok(primitive)
     }
 
-    /// A mesh of one primitive, which has a morph target for each of the model's shape directions.
-    pub fn mesh(&self, primitive: Value) -> Value {
+    /// A mesh of one primitive with these weights of its morph targets, and their names if there are any.
+    pub fn mesh(&self, primitive: Value, weights: &[f64], names: &[String]) -> Value {
         let mut mesh = json!({"name": self.model.name, "primitives": [primitive]});
-        let shapes = self.model.shape_count();
-        if shapes > 0 {
-            mesh["weights"] = vec![0.0; shapes].into();
+        if !weights.is_empty() {
+            mesh["weights"] = weights.into();
         }
-        if !self.model.shape_names.is_empty() {
-            mesh["extras"] = json!({"targetNames": self.model.shape_names});
+        if !names.is_empty() {
+            mesh["extras"] = json!({"targetNames": names});
         }
         mesh
     }

@@ -22,7 +22,7 @@ use serde_json::{Value, json};
 use super::export;
 use super::glb_document::GlbDocument;
 use crate::HandModelError;
-pub use motion::Motion;
+pub use motion::{CorrectiveKey, Motion};
 pub use skin::{Gloss, Skin};
 
 /// Pose correctives that move a vertex by less than this at an entry of 1 of `R - I` are not written, metres.
@@ -53,6 +53,10 @@ pub struct RiggedHand<'a> {
     pub pose: Option<&'a Pose>,
     /// Animations.
     pub motions: &'a [Motion<'a>],
+    /// Displacements of the vertices before skinning, `[K][V]`, metres: morph targets behind those of the shapes.
+    pub correctives: &'a [DVec3],
+    /// Their weights when the file is opened, K; 0 if there are none.
+    pub corrective_weights: &'a [f64],
 }
 
 impl RiggedHand<'_> {
@@ -70,7 +74,8 @@ impl RiggedHand<'_> {
         }
         let mesh = in_order_of_vertices(RenderMesh::from_model(model));
         let mut document = GlbDocument::new(model);
-        let mut primitive = document.primitive(&mesh, &model.vertices, &model.shape_directions)?;
+        let directions = [&model.shape_directions[..], self.correctives].concat();
+        let mut primitive = document.primitive(&mesh, &model.vertices, &directions)?;
         for (name, accessor) in joints_and_weights(&mut document, model, &mesh) {
             primitive["attributes"][name] = accessor.into();
         }
@@ -107,10 +112,18 @@ impl RiggedHand<'_> {
             document.push("nodes", node);
         }
         document.push("scenes", json!({"nodes": [0, joints]}));
-        let mesh = document.mesh(primitive);
+        let count = self.correctives.len() / model.vertices.len().max(1);
+        let mut weights = vec![0.0; model.shape_count()];
+        weights.extend((0..count).map(|k| self.corrective_weights.get(k).copied().unwrap_or_default()));
+        let mut names = model.shape_names.clone();
+        names.resize_with(model.shape_count(), || "shape".to_owned());
+        names.extend((1..=count).map(|k| format!("pose-corrective-{k}")));
+        // A model whose shapes have no names keeps its mesh without any.
+        let names = if count == 0 { &model.shape_names } else { &names };
+        let mesh = document.mesh(primitive, &weights, names);
         document.push("meshes", mesh);
         for motion in self.motions {
-            motion.add(&mut document, model)?;
+            motion.add(&mut document, model, count)?;
         }
         Ok(document)
     }

@@ -4,12 +4,13 @@ use std::path::Path;
 
 use anyhow::{Context, bail};
 use ghand_avatar::gaussian_glb::add_gaussians;
-use ghand_avatar::textured_hand::TexturedHand;
+use ghand_avatar::textured_hand::{Correctives, TexturedHand};
 use ghand_avatar::{Avatar, PropertyTables};
 use ghand_core::Pose;
 use ghand_core::mesh::Texture;
 use ghand_files::atomic_file::write_atomically;
-use ghand_hand_model::files::rigged_glb::{Motion, RiggedHand};
+use ghand_hand_model::files::rigged_glb::{CorrectiveKey, Motion, RiggedHand};
+use glam::DVec3;
 use image::{ExtendedColorType, ImageEncoder};
 
 use super::hand_model::fit_correctives;
@@ -17,6 +18,9 @@ use super::{DEFAULT_TEXTURE, ExportArgs};
 use crate::baked::baked;
 use crate::cli::AdapterArgs;
 use crate::say;
+
+/// Most frames of a motion at which its correctives are computed; they change slowly, and are interpolated between.
+const MOST_KEYS: usize = 64;
 
 /// Writes the avatar's hand with its skeleton, skin and motions.
 ///
@@ -50,9 +54,18 @@ pub fn write(args: &ExportArgs, out: &Path, adapter: &AdapterArgs) -> anyhow::Re
     }
     let skin = hand.skin(png(&hand.texture)?);
     let names = args.joint_names.map(|names| names.of(&hand.model.joint_names));
-    let motions: Vec<Motion> = sequences.iter().map(|(name, fps, poses)| Motion { name, fps: *fps, poses }).collect();
-    let rigged =
-        RiggedHand { skin: Some(&skin), joint_names: names.as_deref(), pose: opening.as_ref(), motions: &motions };
+    let correctives = PoseCorrectives::of(&avatar, opening.as_ref(), &sequences)?;
+    let motions: Vec<Motion> = (sequences.iter().zip(&correctives.keys))
+        .map(|((name, fps, poses), keys)| Motion { name, fps: *fps, poses, correctives: keys })
+        .collect();
+    let rigged = RiggedHand {
+        skin: Some(&skin),
+        joint_names: names.as_deref(),
+        pose: opening.as_ref(),
+        motions: &motions,
+        correctives: &correctives.targets,
+        corrective_weights: &correctives.opening,
+    };
     let mut document = rigged.document(&hand.model)?;
     if args.gaussians {
         add_gaussians(&mut document, &avatar)?;
@@ -61,16 +74,52 @@ pub fn write(args: &ExportArgs, out: &Path, adapter: &AdapterArgs) -> anyhow::Re
     write_atomically(out, &bytes).with_context(|| format!("{}: cannot write the avatar", out.display()))?;
     let gaussians = if args.gaussians { format!(", {} Gaussians", avatar.template.len()) } else { String::new() };
     say!(
-        "{}: {} vertices, {} joints, {} pose directions, a texture of {} texels, {} motions{gaussians}, {:.2} MB",
+        "{}: {} vertices, {} joints, {} pose directions, a texture of {} texels, {} motions, {} pose correctives\
+         {gaussians}, {:.2} MB",
         out.display(),
         hand.model.vertices.len(),
         hand.model.joint_count(),
         hand.model.pose_directions.len() / hand.model.vertices.len().max(1),
         hand.texture.width,
         motions.len(),
+        correctives.targets.len() / hand.model.vertices.len().max(1),
         bytes.len() as f64 * 1e-6
     );
     Ok(())
+}
+
+/// What the exported poses change of the hand beyond skinning.
+struct PoseCorrectives {
+    targets: Vec<DVec3>,
+    /// The weights in the pose in which the file opens.
+    opening: Vec<f64>,
+    /// Of each motion.
+    keys: Vec<Vec<CorrectiveKey>>,
+}
+
+impl PoseCorrectives {
+    fn of(
+        avatar: &Avatar,
+        opening: Option<&Pose>,
+        sequences: &[(String, f64, Vec<Pose>)],
+    ) -> anyhow::Result<PoseCorrectives> {
+        let frames: Vec<Vec<usize>> = sequences.iter().map(|(_, _, poses)| key_frames(poses.len())).collect();
+        let keys = sequences.iter().zip(&frames).flat_map(|((_, _, poses), frames)| frames.iter().map(|k| &poses[*k]));
+        let poses: Vec<Pose> = opening.into_iter().chain(keys).cloned().collect();
+        let Correctives { targets, weights } = Correctives::of(avatar, &poses)?;
+        let mut weights = weights.into_iter();
+        let opening = opening.and_then(|_| weights.next()).unwrap_or_default();
+        let keys = frames.into_iter().map(|frames| {
+            frames.into_iter().zip(&mut weights).map(|(frame, weights)| CorrectiveKey { frame, weights }).collect()
+        });
+        Ok(PoseCorrectives { keys: keys.collect(), targets, opening })
+    }
+}
+
+/// The frames at which a motion's correctives are computed: first and last, and evenly between them.
+fn key_frames(count: usize) -> Vec<usize> {
+    let keys = count.min(MOST_KEYS);
+    (0..keys).map(|k| k * (count - 1) / (keys - 1).max(1)).collect()
 }
 
 /// The name of an animation: a motion's own, or that of its file.

@@ -124,7 +124,12 @@ mod tests {
             11..14 => 1.5 * wave(row, i),
             _ => 0.6 * wave(row, i),
         };
-        SplatScene { degree, count, table: SplatModel::trained(degree).table(count, value), antialias: degree % 2 == 0 }
+        SplatScene {
+            degree,
+            count,
+            table: SplatModel::trained(degree).table(count, value),
+            antialias: degree.is_multiple_of(2),
+        }
     }
 
     #[test]

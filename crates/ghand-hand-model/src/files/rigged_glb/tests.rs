@@ -172,7 +172,10 @@ fn numbers_too_large_for_the_file_are_rejected() {
 fn dressed(model: &HandModel, is_lit: bool, poses: &[Pose]) -> (::gltf::Gltf, Vec<u8>) {
     let gloss = Some(Gloss { roughness: 0.4, strength: 0.7 });
     let skin = Skin { png: b"\x89PNG picture".to_vec(), is_lit, gloss };
-    let motions = [Motion { name: "wave", fps: 25.0, poses }, Motion { name: "still", fps: 30.0, poses: &poses[..1] }];
+    let motions = [
+        Motion { name: "wave", fps: 25.0, poses, correctives: &[] },
+        Motion { name: "still", fps: 30.0, poses: &poses[..1], correctives: &[] },
+    ];
     let hand = RiggedHand { skin: Some(&skin), pose: Some(&poses[1]), motions: &motions, ..RiggedHand::default() };
     let file = ::gltf::Gltf::from_slice(&hand.document(model).unwrap().finish().unwrap()).unwrap();
     let blob = file.blob.clone().unwrap();
@@ -273,8 +276,53 @@ fn poses_and_names_that_do_not_fit_are_rejected() {
     pose = Pose::rest(model.joint_count());
     pose.rotations[2].x = f64::NAN;
     assert!(error(RiggedHand { pose: Some(&pose), ..Default::default() }).contains("not finite"));
-    let motions = [Motion { name: "m", fps: 30.0, poses: std::slice::from_ref(&pose) }];
+    let motions = [Motion { name: "m", fps: 30.0, poses: std::slice::from_ref(&pose), correctives: &[] }];
     assert!(error(RiggedHand { motions: &motions, ..Default::default() }).contains("not finite"));
     let names = vec!["a".to_owned()];
     assert!(error(RiggedHand { joint_names: Some(&names), ..Default::default() }).contains("joint names: 1 of them"));
+}
+
+#[test]
+fn correctives_are_morph_targets_whose_weights_a_motion_drives() {
+    let model = procedural(false);
+    let poses = moving(&model);
+    let count = model.vertices.len();
+    let targets: Vec<DVec3> = (0..2 * count).map(|k| DVec3::new(1e-3 * (k as f64).sin(), 0.0, 2e-3)).collect();
+    let keys =
+        [(0, [0.0, 0.5]), (2, [1.0, -0.25])].map(|(frame, weights)| CorrectiveKey { frame, weights: weights.to_vec() });
+    let motions = [Motion { name: "wave", fps: 25.0, poses: &poses, correctives: &keys }];
+    let hand = RiggedHand {
+        motions: &motions,
+        correctives: &targets,
+        corrective_weights: &[0.1, 0.2],
+        ..RiggedHand::default()
+    };
+    let file = ::gltf::Gltf::from_slice(&hand.document(&model).unwrap().finish().unwrap()).unwrap();
+    let blob = file.blob.clone().unwrap();
+    let mesh = file.meshes().next().unwrap();
+    let shapes = model.shape_count();
+    assert_eq!(mesh.weights().unwrap()[shapes..], [0.1, 0.2]);
+    assert!(mesh.extras().as_ref().unwrap().get().contains("pose-corrective-2"));
+    let primitive = mesh.primitives().next().unwrap();
+    let order = in_order_of_vertices(RenderMesh::from_model(&model));
+    let reader = primitive.reader(|_| Some(&blob[..]));
+    let second = reader.read_morph_targets().nth(shapes + 1).unwrap().0.unwrap();
+    for (found, expected) in second.zip(order.gather(&targets[count..])) {
+        assert!(glam::Vec3::from(found).as_dvec3().distance(expected) < 1e-9);
+    }
+    let animation = file.animations().next().unwrap();
+    let channel =
+        animation.channels().find(|c| c.target().property() == ::gltf::animation::Property::MorphTargetWeights);
+    let channel = channel.unwrap();
+    assert!(channel.target().node().mesh().is_some());
+    let reader = channel.reader(|_| Some(&blob[..]));
+    assert_eq!(reader.read_inputs().unwrap().collect::<Vec<_>>(), [0.0, 0.08]);
+    let Some(::gltf::animation::util::ReadOutputs::MorphTargetWeights(found)) = reader.read_outputs() else { panic!() };
+    let found: Vec<f32> = found.into_f32().collect();
+    assert_eq!(found.len(), 2 * (shapes + 2));
+    assert_eq!((&found[shapes..shapes + 2], &found[2 * shapes + 2..]), (&[0.0, 0.5][..], &[1.0, -0.25][..]));
+    let wrong = [CorrectiveKey { frame: 9, weights: vec![0.0; 2] }];
+    let motions = [Motion { name: "wave", fps: 25.0, poses: &poses, correctives: &wrong }];
+    let error = RiggedHand { motions: &motions, correctives: &targets, ..RiggedHand::default() }.document(&model);
+    assert!(error.err().unwrap().to_string().contains("weights: of the motion wave"));
 }
