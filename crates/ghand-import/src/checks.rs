@@ -220,7 +220,7 @@ pub fn wrong_size(length: f64, origin: Origin) -> ImportError {
 
 /// What a single camera's focal length was taken from, if only from what is usual.
 pub fn guessed_focal(source: &Source) -> Option<String> {
-    source.footage.focal_35mm().is_none().then(|| {
+    source.footage.stated_focal().is_none().then(|| {
         "one camera does not tell its focal length: that of most cameras is taken; --cameras gives a calibration".into()
     })
 }
