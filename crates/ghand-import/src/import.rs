@@ -116,9 +116,7 @@ pub fn import(options: &ImportOptions, on_progress: &mut OnProgress) -> Result<I
             Some(GivenLandmarks::read(paths, side, &sources, &cameras, &mut remarks)?)
         }
     };
-    let places = given
-        .as_ref()
-        .map_or(LandmarkPlaces::TRACKER, |given| LandmarkPlaces { tip_inset: given.tip_inset, beside: &[] });
+    let places = given.as_ref().map_or(LandmarkPlaces::TRACKER, |given| given.places);
     let tracked = track_all(&sources, given.as_ref(), &options.work, on_progress)?;
     let side = side(&sources, &tracked, options.side, &mut remarks)?;
     let mut tracks: Vec<Track> =
