@@ -183,7 +183,11 @@ pub fn import(options: &ImportOptions, on_progress: &mut OnProgress) -> Result<I
         };
         chosen.iter().filter_map(frame).collect()
     };
-    write_images(&options.out, &sources, &frames_in(&hand), on_progress)?;
+    let near = write_images(&options.out, &sources, &tracks, &frames_in(&hand), on_progress)?;
+    let beside = sources.iter().zip(near).filter(|(_, count)| *count > 0);
+    remarks.extend(beside.map(|(source, count)| {
+        format!("{}: another hand is near this one in {count} images, and is cut out of their masks", source.id)
+    }));
     let mut capture = write_capture(&options.out, &lenses, &model, &hand.shape, &frames_in(&hand))?;
     if is_unknown {
         tell(on_progress, Step::Contours)?;
