@@ -64,7 +64,10 @@ pub fn side(
             let shown = name_of(if side == Side::Right { Side::Left } else { Side::Right });
             format!("shows only a {shown} hand; give --side {shown}, or omit it")
         } else {
-            "shows no hand that can be recognised; film the whole hand, near and in good light".into()
+            // Its networks know the colours of skin: not those of a glove.
+            "shows no hand that can be recognised; film the whole hand, bare, near and in good light, or give its landmarks \
+             with --landmarks"
+                .into()
         };
         return Err(ImportError::Unusable(format!("{}: {problem}", sources[0].footage.path().display())));
     }
