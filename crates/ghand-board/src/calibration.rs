@@ -5,7 +5,7 @@ mod checks;
 mod choice;
 mod clocks;
 mod equations;
-mod homography;
+pub(crate) mod homography;
 mod intrinsics;
 mod joint;
 mod lens;
@@ -20,7 +20,7 @@ use rayon::prelude::*;
 
 use crate::{BoardCamera, BoardError, BoardKind};
 use bundle::FilmCamera;
-use checks::{check_seen, check_views};
+use checks::{check_gap, check_seen, check_views};
 use choice::different;
 use clocks::clocks;
 use intrinsics::lens_alone;
@@ -83,6 +83,7 @@ pub struct StandardErrors {
 pub fn calibrate(kind: &BoardKind, cameras: &[BoardCamera]) -> Result<BoardCalibration, BoardError> {
     for camera in cameras {
         check_seen(camera, kind)?;
+        check_gap(camera, kind)?;
     }
     let tracks: Vec<Track> = cameras.iter().map(|camera| Track::of(camera, kind)).collect();
     for (camera, track) in cameras.iter().zip(&tracks) {

@@ -7,7 +7,8 @@ pub enum BoardError {
     #[error(
         "board {text:?}: {problem}; give charuco:8x6:30mm (squares across and down, side of a square), followed by the side of a \
          marker as :22mm if it is not 75% of that, by the dictionary as :5X5_100 if it is not 4X4, and by :legacy if OpenCV \
-         before 4.6 made it; or chessboard:9x6:25mm (inner corners across and down, side of a square)"
+         before 4.6 made it; or chessboard:9x6:25mm (inner corners across and down, side of a square); or aprilgrid:6x6:24mm \
+         (tags across and down, side of a tag), followed by the gap between tags as :0.25 if it is not 30% of their side"
     )]
     Kind {
         /// What was given.
@@ -58,6 +59,34 @@ pub enum BoardError {
     OtherMarkers {
         /// The camera.
         camera: String,
+        /// The board that was expected.
+        kind: String,
+    },
+    /// Tags are seen, but not where an AprilGrid has them.
+    #[error(
+        "{camera}: shows a board of at least {} x {} tags, not {kind}; give --board as it is printed, first the tags across with \
+         tag 0 at the bottom left", found[0], found[1]
+    )]
+    OtherTags {
+        /// The camera.
+        camera: String,
+        /// Tags across and down, as their numbers tell.
+        found: [usize; 2],
+        /// The board that was expected.
+        kind: String,
+    },
+    /// The gaps between tags of an AprilGrid are others.
+    #[error(
+        "{camera}: the gaps between the board's tags are {found}% of their side, not {said}%, as {kind} has them; measure both \
+         and give them in --board"
+    )]
+    OtherGap {
+        /// The camera.
+        camera: String,
+        /// Percent of the tags' side, as seen.
+        found: u32,
+        /// The same, as expected.
+        said: u32,
         /// The board that was expected.
         kind: String,
     },

@@ -1,7 +1,9 @@
 //! Finds a board's corners in images.
 
+mod april_grid;
 mod charuco;
 mod chessboard;
+mod quads;
 
 use calib_targets_chessboard::{DetectorConfig, GrayImageView, default_chess_config};
 use chess_corners::ImageRefiner;
@@ -9,6 +11,7 @@ use glam::DVec2;
 use nalgebra::Point2;
 
 use crate::{BoardError, BoardKind, SeenCorner};
+use april_grid::AprilGridFinder;
 use charuco::CharucoFinder;
 use chessboard::ChessboardFinder;
 
@@ -21,9 +24,9 @@ pub enum Sight {
     /// Corners of the board, ascending numbers.
     Board(Vec<SeenCorner>),
     /// Squares with so many inner corners across and down that are not known to be the board's: another board, a part of
-    /// one, or one without its markers.
+    /// one, or one without its markers. If the board is an AprilGrid, at least so many corners of tags.
     Other([usize; 2]),
-    /// No squares.
+    /// No squares, or no tags.
     Nothing,
 }
 
@@ -35,6 +38,7 @@ pub struct BoardFinder {
 enum Finder {
     Charuco(Box<CharucoFinder>),
     Chessboard(ChessboardFinder),
+    AprilGrid(AprilGridFinder),
 }
 
 impl BoardFinder {
@@ -43,9 +47,10 @@ impl BoardFinder {
     /// # Errors
     /// [`BoardError::Kind`] if there cannot be such a board.
     pub fn new(kind: &BoardKind) -> Result<BoardFinder, BoardError> {
-        let finder = match kind.markers() {
-            Some(markers) => Finder::Charuco(Box::new(CharucoFinder::new(kind, markers)?)),
-            None => Finder::Chessboard(ChessboardFinder::new(kind)),
+        let finder = match (kind.markers(), kind.tags()) {
+            (Some(markers), _) => Finder::Charuco(Box::new(CharucoFinder::new(kind, markers)?)),
+            (None, Some(tags)) => Finder::AprilGrid(AprilGridFinder::new(kind, tags)),
+            (None, None) => Finder::Chessboard(ChessboardFinder::new(kind)),
         };
         Ok(BoardFinder { finder })
     }
@@ -66,6 +71,7 @@ impl BoardFinder {
         Ok(match &self.finder {
             Finder::Charuco(finder) => finder.find(&image),
             Finder::Chessboard(finder) => finder.find(&image),
+            Finder::AprilGrid(finder) => finder.find(&image),
         })
     }
 

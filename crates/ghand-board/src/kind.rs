@@ -1,5 +1,7 @@
 //! Which board it is, as text and as places of its corners.
 
+mod tags;
+
 use std::fmt::{self, Display};
 use std::str::FromStr;
 
@@ -7,6 +9,7 @@ use calib_targets_charuco::{Dictionary, builtins, resolve_dictionary};
 use glam::{DVec2, DVec3};
 
 use crate::BoardError;
+pub(crate) use tags::{BORDER, Tags};
 
 /// Least and most squares along an edge.
 const SQUARES: [u32; 2] = [3, 40];
@@ -24,13 +27,24 @@ const USUAL: [&str; 4] = ["DICT_4X4_50", "DICT_4X4_100", "DICT_4X4_250", "DICT_4
 /// may follow, as in `charuco:8x6:30mm:22mm:5X5_100`, and `legacy` for the pattern of OpenCV before 4.6, which differs where
 /// rows are even. `chessboard:9x6:25mm` has 9 inner corners across and 6 down. Both count
 /// as OpenCV does.
+///
+/// `aprilgrid:6x6:24mm` is Kalibr's AprilGrid with 6 tags across and 6 down, with a side of 24 mm; the gap between tags may
+/// follow, relative to their side as in Kalibr's `tagSpacing`, or as a length: `aprilgrid:6x6:24mm:0.3`. Its corners are
+/// those of the tags, counted as Kalibr does: from the bottom left to the right, then up.
 #[derive(Debug, Clone, Copy)]
 pub struct BoardKind {
-    /// Inner corners across and down.
+    /// Corners across and down.
     corners: [u32; 2],
-    /// Side of a square, metres.
+    /// Side of a square, or of a tag, metres.
     side: f64,
-    markers: Option<Markers>,
+    pattern: Pattern,
+}
+
+#[derive(Debug, Clone, Copy)]
+enum Pattern {
+    Chessboard,
+    Charuco(Markers),
+    AprilGrid(Tags),
 }
 
 /// Markers of a ChArUco board.
@@ -46,44 +60,77 @@ pub(crate) struct Markers {
 }
 
 impl BoardKind {
-    /// Number of inner corners across and down.
+    /// Number of corners across and down: inner ones of squares, or those of tags.
     pub fn corners(&self) -> [usize; 2] {
         self.corners.map(|count| count as usize)
     }
 
-    /// Number of squares across and down.
-    pub fn squares(&self) -> [usize; 2] {
-        self.corners.map(|count| count as usize + 1)
-    }
-
-    /// Side of a square, metres.
+    /// Side of a square, or of a tag, metres.
     pub fn side(&self) -> f64 {
         self.side
     }
 
-    /// Width and height of all squares, metres.
+    /// Width and height of all that is printed, metres.
     pub fn size(&self) -> DVec2 {
-        DVec2::from_array(self.squares().map(|count| count as f64 * self.side))
+        let sides = match self.pattern {
+            Pattern::AprilGrid(tags) => self.tag_counts().map(|count| tags.extent(count)),
+            _ => self.squares().map(|count| count as f64),
+        };
+        DVec2::from_array(sides) * self.side
+    }
+
+    /// Number of squares across and down, of a board that has squares.
+    pub(crate) fn squares(&self) -> [usize; 2] {
+        self.corners().map(|count| count + 1)
+    }
+
+    /// Number of tags across and down, of an AprilGrid.
+    pub(crate) fn tag_counts(&self) -> [usize; 2] {
+        self.corners().map(|count| count / 2)
     }
 
     pub(crate) fn markers(&self) -> Option<&Markers> {
-        self.markers.as_ref()
+        if let Pattern::Charuco(markers) = &self.pattern { Some(markers) } else { None }
     }
 
-    /// How many inner corners it has.
+    pub(crate) fn tags(&self) -> Option<&Tags> {
+        if let Pattern::AprilGrid(tags) = &self.pattern { Some(tags) } else { None }
+    }
+
+    /// How many corners it has.
     pub fn corner_count(&self) -> usize {
-        self.corners.iter().map(|count| *count as usize).product()
+        self.corners().iter().product()
     }
 
-    /// Where an inner corner is on the board, metres.
+    /// Where a corner is on the board, metres.
     pub fn corner(&self, number: usize) -> DVec3 {
-        let columns = self.corners[0] as usize;
-        DVec3::new((number % columns + 1) as f64, (number / columns + 1) as f64, 0.0) * self.side
+        let [columns, _] = self.corners();
+        let (column, row) = (number % columns, number / columns);
+        let sides = match self.pattern {
+            Pattern::AprilGrid(tags) => {
+                let [_, down] = self.tag_counts();
+                DVec2::new(tags.corner(column), tags.extent(down) - tags.corner(row))
+            }
+            _ => DVec2::new((column + 1) as f64, (row + 1) as f64),
+        };
+        (sides * self.side).extend(0.0)
+    }
+
+    /// Numbers of the outermost corners, clockwise from the top left.
+    pub(crate) fn outermost(&self) -> [usize; 4] {
+        let [columns, rows] = self.corners();
+        let [first, last] = [[0, columns - 1], [columns * (rows - 1), columns * rows - 1]];
+        let [top, bottom] = if self.tags().is_some() { [last, first] } else { [first, last] };
+        [top[0], top[1], bottom[1], bottom[0]]
     }
 
     /// What was assumed because it was not given, as one sentence.
     pub fn assumption(&self) -> Option<String> {
-        let Markers { part, dictionary, assumed, .. } = self.markers?;
+        let Markers { part, dictionary, assumed, .. } = match self.pattern {
+            Pattern::Chessboard => return None,
+            Pattern::Charuco(markers) => markers,
+            Pattern::AprilGrid(tags) => return tags.assumption(),
+        };
         let side = format!("its markers have a side of {}", millimetres(part * self.side));
         let name = format!("its markers are of {}", dictionary.name());
         let what = match assumed {
@@ -99,7 +146,7 @@ impl BoardKind {
     /// as it is; others turn the board.
     pub(crate) fn symmetries(&self) -> Vec<Vec<usize>> {
         let mut all = vec![(0..self.corner_count()).collect()];
-        if self.markers.is_some() {
+        if !matches!(self.pattern, Pattern::Chessboard) {
             return all;
         }
         let [columns, rows] = self.corners();
@@ -131,15 +178,19 @@ impl PartialEq for BoardKind {
 impl Display for BoardKind {
     fn fmt(&self, formatter: &mut fmt::Formatter) -> fmt::Result {
         let side = millimetres(self.side);
-        match &self.markers {
-            Some(Markers { part, dictionary, is_legacy, .. }) => {
+        match &self.pattern {
+            Pattern::Charuco(Markers { part, dictionary, is_legacy, .. }) => {
                 let [across, down] = self.squares();
                 let marker = millimetres(part * self.side);
                 let name = dictionary.name().trim_start_matches("DICT_");
                 write!(formatter, "charuco:{across}x{down}:{side}:{marker}:{name}")?;
                 if *is_legacy { formatter.write_str(":legacy") } else { Ok(()) }
             }
-            None => write!(formatter, "chessboard:{}x{}:{side}", self.corners[0], self.corners[1]),
+            Pattern::AprilGrid(tags) => {
+                let [across, down] = self.tag_counts();
+                write!(formatter, "aprilgrid:{across}x{down}:{side}:{}", tags.rounded_gap())
+            }
+            Pattern::Chessboard => write!(formatter, "chessboard:{}x{}:{side}", self.corners[0], self.corners[1]),
         }
     }
 }
@@ -160,8 +211,8 @@ impl FromStr for BoardKind {
 fn parse(text: &str) -> Result<BoardKind, String> {
     let mut parts = text.split(':');
     let name = parts.next().unwrap_or_default().to_ascii_lowercase();
-    let counts = parts.next().ok_or("its numbers of squares or corners are missing")?;
-    let side = parts.next().ok_or("the side of its squares is missing")?;
+    let counts = parts.next().ok_or("its numbers of squares, corners or tags are missing")?;
+    let side = parts.next().ok_or("the side of its squares or tags is missing")?;
     let rest: Vec<&str> = parts.collect();
     let counts: Vec<u32> = counts
         .split(['x', 'X', '×'])
@@ -171,7 +222,7 @@ fn parse(text: &str) -> Result<BoardKind, String> {
     let [across, down] = counts[..] else { return Err("it must have two numbers, as 8x6".into()) };
     let side = length(side)?;
     if !(SIDES[0]..=SIDES[1]).contains(&side) {
-        return Err(format!("a square of {} is unlikely; check its unit", millimetres(side)));
+        return Err(format!("a side of {} is unlikely; check its unit", millimetres(side)));
     }
     let in_range = |squares: [u32; 2]| {
         let [least, most] = SQUARES;
@@ -184,14 +235,18 @@ fn parse(text: &str) -> Result<BoardKind, String> {
         "charuco" => {
             let corners = in_range([across, down])?;
             let markers = markers([across, down], side, &rest)?;
-            Ok(BoardKind { corners, side, markers: Some(markers) })
+            Ok(BoardKind { corners, side, pattern: Pattern::Charuco(markers) })
         }
         "chessboard" | "checkerboard" => {
             if !rest.is_empty() {
                 return Err("a chessboard has no markers".into());
             }
             let corners = in_range([across.saturating_add(1), down.saturating_add(1)])?;
-            Ok(BoardKind { corners, side, markers: None })
+            Ok(BoardKind { corners, side, pattern: Pattern::Chessboard })
+        }
+        "aprilgrid" => {
+            let tags = Tags::parse([across, down], side, &rest)?;
+            Ok(BoardKind { corners: [2 * across, 2 * down], side, pattern: Pattern::AprilGrid(tags) })
         }
         _ => Err(format!("{name:?} is not a kind of board")),
     }
@@ -279,6 +334,12 @@ mod tests {
         let chess = kind("chessboard:9x6:1in");
         assert_eq!((chess.to_string().as_str(), chess.squares()), ("chessboard:9x6:25.4mm", [10, 7]));
         assert_ne!(chess, kind("chessboard:6x9:1in"));
+        let april = kind("AprilGrid:6x5:88mm");
+        assert_eq!(april.to_string(), "aprilgrid:6x5:88mm:0.3");
+        assert!(april.assumption().unwrap().contains("30% of their side"));
+        assert_eq!(kind("aprilgrid:6x5:88mm:26.4mm"), april);
+        assert_eq!((kind("aprilgrid:6x5:88mm:0.3"), kind("aprilgrid:6x5:88mm:0.3").assumption()), (april, None));
+        assert_ne!(kind("aprilgrid:6x5:88mm:0.25"), april);
     }
 
     #[test]
@@ -300,6 +361,15 @@ mod tests {
             ("chessboard:4294967295x6:30mm", "squares along an edge"),
             ("chessboard:9x6:25mm:4X4_50", "no markers"),
             ("dots:9x6:25mm", "not a kind"),
+            ("aprilgrid:6x6", "squares or tags is missing"),
+            ("aprilgrid:1x6:30mm", "1 tags along an edge"),
+            ("aprilgrid:4294967295x6:30mm", "tags along an edge"),
+            ("aprilgrid:24x25:30mm", "25 tags along an edge"),
+            ("aprilgrid:6x6:30mm:0.01", "gap between tags"),
+            ("aprilgrid:6x6:30mm:90mm", "gap between tags"),
+            ("aprilgrid:6x6:30mm:NaN", "gap between tags"),
+            ("aprilgrid:6x6:30mm:36h11", "length with a unit"),
+            ("aprilgrid:6x6:30mm:0.3:0.3", "one thing too many"),
         ] {
             let error = text.parse::<BoardKind>().unwrap_err().to_string();
             assert!(error.contains(says) && error.contains("charuco:8x6:30mm"), "{text}: {error}");

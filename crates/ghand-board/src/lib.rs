@@ -4,8 +4,9 @@
 //! 2. [`BoardFinder`] finds its corners in images; [`BoardCamera`] gathers what one camera saw.
 //! 3. [`calibrate`] finds lenses, places and clocks of all cameras together.
 //!
-//! Corners have numbers as in OpenCV: from left to right, then down. The board's axes are x right, y down and z away from
-//! who looks at it, in metres; its origin is the outer corner at the top left of its squares.
+//! Corners have numbers as in OpenCV: from left to right, then down; those of an AprilGrid as in Kalibr: from left to right,
+//! then up. The board's axes are x right, y down and z away from who looks at it, in metres; its origin is the outer corner
+//! at the top left of its squares.
 
 mod calibration;
 mod camera;

@@ -48,6 +48,9 @@ pub struct ImagePaths {
     /// Path of the masks (8-bit, hand at >= 128). Without it, and if none are made, the images' alpha channel is the
     /// mask, and without that the hand may be anywhere in the image.
     pub mask: Option<String>,
+    /// Path of where other hands are in the images (8-bit, another hand at >= 128): masks that are made leave them out. An
+    /// image without such a file shows no other hand.
+    pub other_hands: Option<String>,
     /// How masks are made for images without a file at `mask`, if they are.
     pub made_masks: Option<MadeMasks>,
     /// The hand that masks are cut to. No file has it: training finds it.
@@ -57,7 +60,13 @@ pub struct ImagePaths {
 impl ImagePaths {
     /// Images, and masks if there are any, that show the hand over the capture's background.
     pub fn plain(image: &str, mask: Option<&str>) -> ImagePaths {
-        ImagePaths { image: image.into(), mask: mask.map(Into::into), made_masks: None, aligned: None }
+        ImagePaths {
+            image: image.into(),
+            mask: mask.map(Into::into),
+            other_hands: None,
+            made_masks: None,
+            aligned: None,
+        }
     }
 }
 
@@ -141,6 +150,13 @@ impl Capture {
     /// [`CaptureError::Invalid`] if there is no such camera or frame.
     pub fn mask_file(&self, camera: usize, frame: usize) -> Result<Option<PathBuf>, CaptureError> {
         self.images.mask.as_ref().map(|template| self.file(template, camera, frame)).transpose()
+    }
+
+    /// File of where other hands are in the image of a camera and a frame, if there is one.
+    pub(crate) fn other_hands_file(&self, camera: usize, frame: usize) -> Result<Option<PathBuf>, CaptureError> {
+        let template = self.images.other_hands.as_ref();
+        let file = template.map(|template| self.file(template, camera, frame)).transpose()?;
+        Ok(file.filter(|file| file.exists()))
     }
 
     fn file(&self, template: &str, camera: usize, frame: usize) -> Result<PathBuf, CaptureError> {

@@ -52,6 +52,9 @@ struct CaptureFile {
     image_path: String,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     mask_path: Option<String>,
+    /// Where other hands are, which masks that are made leave out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    other_hands_path: Option<String>,
     /// `"made"`: masks are made for images that have none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     masks: Option<String>,

@@ -190,6 +190,7 @@ fn paths(location: &Location) -> ImagePaths {
     ImagePaths {
         image: format!("{}/{below}.jpg", location.images),
         mask: Some(format!("{masks}/{below}.png")),
+        other_hands: None,
         made_masks: Some(MadeMasks::new(MaskMethod::Outline, location.root.clone(), place)),
         aligned: None,
     }

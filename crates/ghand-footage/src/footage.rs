@@ -7,7 +7,7 @@ use ghand_files::input_file;
 use crate::frames::Frames;
 use crate::pictures::Pictures;
 use crate::video::Video;
-use crate::{FootageError, pictures};
+use crate::{FootageError, StatedFocal, pictures};
 
 /// The rate of pictures, which have no clock, frames per second.
 const PICTURE_RATE: f64 = crate::clock::USUAL_RATE;
@@ -117,11 +117,11 @@ impl Footage {
         self.rate
     }
 
-    /// The focal length of the same view on film of 36 x 24 mm, millimetres, if pictures state it (Exif).
-    pub fn focal_35mm(&self) -> Option<f64> {
+    /// The focal length that the footage states: pictures in their Exif data, videos of phones in their metadata.
+    pub fn stated_focal(&self) -> Option<StatedFocal> {
         match &self.source {
-            Source::Pictures(pictures) => pictures.focal_35mm(),
-            Source::Video(_) => None,
+            Source::Pictures(pictures) => pictures.stated_focal(),
+            Source::Video(video) => video.stated_focal(),
         }
     }
 

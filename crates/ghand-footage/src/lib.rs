@@ -6,6 +6,7 @@
 
 mod clock;
 mod error;
+mod focal;
 mod footage;
 mod frames;
 mod live;
@@ -14,6 +15,7 @@ mod pictures;
 mod video;
 
 pub use error::FootageError;
+pub use focal::StatedFocal;
 pub use footage::Footage;
 pub use frames::{Frame, Frames};
 pub use live::{LiveFrame, LiveFrames, LiveSource};

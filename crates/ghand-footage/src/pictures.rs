@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use image::metadata::Orientation;
 use image::{DynamicImage, ImageDecoder, ImageReader};
 
-use crate::{FootageError, natural_order};
+use crate::{FootageError, StatedFocal, natural_order};
 
 /// Most pictures of a folder.
 const MOST_PICTURES: usize = 1_000_000;
@@ -59,9 +59,9 @@ impl Pictures {
         Ok(Pictures { paths, size, focal_35mm })
     }
 
-    /// As [`crate::Footage::focal_35mm`], of the first picture.
-    pub fn focal_35mm(&self) -> Option<f64> {
-        self.focal_35mm
+    /// As [`crate::Footage::stated_focal`], of the first picture.
+    pub fn stated_focal(&self) -> Option<StatedFocal> {
+        StatedFocal::of_pictures(self.focal_35mm?, self.size)
     }
 
     pub fn paths(&self) -> &[PathBuf] {

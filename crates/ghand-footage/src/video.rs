@@ -2,6 +2,7 @@
 
 pub(crate) mod decoder;
 pub(crate) mod programs;
+mod quicktime;
 mod stream;
 
 use std::io::{BufRead, BufReader, Read};
@@ -12,7 +13,7 @@ use ghand_files::input_file;
 
 use self::programs::Program;
 use self::stream::{Format, Probed, Stream};
-use crate::FootageError;
+use crate::{FootageError, StatedFocal};
 
 /// Most frames of a video: 46 hours at 60 per second.
 const MOST_FRAMES: usize = 10_000_000;
@@ -30,6 +31,7 @@ pub(crate) struct Video {
     stream: Stream,
     size: (u32, u32),
     has_times: bool,
+    focal: Option<StatedFocal>,
     /// Filters of ffmpeg that make its frames RGB pictures of `size`.
     filters: String,
 }
@@ -70,7 +72,10 @@ impl Video {
         }
         remarks.extend(lost_end(&stream, &format, &times));
         let filters = stream.filters(size, can_map_tones);
-        Ok((Video { path: path.into(), stream, size, has_times, filters }, times, remarks))
+        let mut file = input_file::open(path).map_err(FootageError::file(path))?;
+        let lens = quicktime::lens(&mut file);
+        let focal = lens.equivalent.and_then(|film| StatedFocal::of_video(film, size, lens.name.as_deref()));
+        Ok((Video { path: path.into(), stream, size, has_times, focal, filters }, times, remarks))
     }
 
     pub fn size(&self) -> (u32, u32) {
@@ -92,6 +97,11 @@ impl Video {
 
     pub fn has_times(&self) -> bool {
         self.has_times
+    }
+
+    /// As [`crate::Footage::stated_focal`].
+    pub fn stated_focal(&self) -> Option<StatedFocal> {
+        self.focal.clone()
     }
 
     pub fn stated_rate(&self) -> Option<f64> {

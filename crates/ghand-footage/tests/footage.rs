@@ -226,3 +226,46 @@ fn a_photograph_is_turned_by_its_exif() {
     assert_eq!([red(28, 4), red(4, 4), red(4, 60)], [true, false, false]);
     assert!(footage.remarks().is_empty());
 }
+
+#[test]
+fn a_phones_video_states_the_focal_length_of_its_lens() {
+    let folder = tempfile::tempdir().unwrap();
+    let plain = film(folder.path(), "plain.mov", 10, H264);
+    assert_eq!(Footage::open(&plain).unwrap().stated_focal(), None);
+    // As an iPhone: keys in the film's track. ffmpeg does not write them, so they are put in.
+    let boxed = |name: &[u8], inside: &[&[u8]]| {
+        let inside = inside.concat();
+        [&(inside.len() as u32 + 8).to_be_bytes()[..], name, &inside].concat()
+    };
+    let values: [(&str, u32, &[u8]); 2] = [
+        ("com.apple.quicktime.camera.lens_model", 1, b"iPhone 14 back camera 5.7mm f/1.5"),
+        ("com.apple.quicktime.camera.focal_length.35mm_equivalent", 67, &26u32.to_be_bytes()),
+    ];
+    let keys: Vec<u8> = values.iter().flat_map(|(name, ..)| boxed(b"mdta", &[name.as_bytes()])).collect();
+    let item = |(k, (_, kind, value)): (u32, &(&str, u32, &[u8]))| {
+        boxed(&k.to_be_bytes(), &[&boxed(b"data", &[&kind.to_be_bytes(), &[0; 4], value])])
+    };
+    let items: Vec<u8> = (1..).zip(&values).flat_map(item).collect();
+    let handler = boxed(b"hdlr", &[&[0; 8], b"mdta", &[0; 12]]);
+    let table = boxed(b"keys", &[&[0; 4], &2u32.to_be_bytes(), &keys]);
+    let metadata = boxed(b"meta", &[&handler, &table, &boxed(b"ilst", &[&items])]);
+    let mut bytes = std::fs::read(&plain).unwrap();
+    // The only track is in the movie, which is behind the frames: their places stay.
+    let place = |bytes: &[u8], name: &[u8]| bytes.windows(4).rposition(|four| four == name).unwrap() - 4;
+    let [movie, track] = [b"moov", b"trak"].map(|name| place(&bytes, name));
+    let length = |bytes: &[u8], at: usize| u32::from_be_bytes(bytes[at..at + 4].try_into().unwrap());
+    let end = track + length(&bytes, track) as usize;
+    for at in [movie, track] {
+        let longer = length(&bytes, at) + metadata.len() as u32;
+        bytes[at..at + 4].copy_from_slice(&longer.to_be_bytes());
+    }
+    bytes.splice(end..end, metadata);
+    let path = folder.path().join("phone.mov");
+    std::fs::write(&path, bytes).unwrap();
+    let footage = Footage::open(&path).unwrap();
+    assert_eq!(numbers(&footage), (0..10).collect::<Vec<_>>());
+    let focal = footage.stated_focal().unwrap();
+    // 64 pixels of the width of a sensor of 4:3, whose diagonal is 80.
+    assert!((focal.pixels - 26.0 / 43.267 * 80.0 * 1.1).abs() < 1e-9, "{focal:?}");
+    assert!(focal.origin.contains("iPhone 14 back camera"), "{focal:?}");
+}

@@ -5,6 +5,8 @@ use std::path::Path;
 use ghand_capture::cameras::calibration_files::{FoundCalibration, FoundCamera, Projection, read_calibration};
 use ghand_capture::cameras::list::LensCamera;
 use ghand_core::Camera;
+use ghand_footage::StatedFocal;
+use ghand_motion::image_landmarks::UsualFocal;
 use glam::DVec2;
 
 use crate::ImportError;
@@ -14,12 +16,18 @@ use crate::sources::Source;
 
 /// Sizes of images whose aspects differ by more, relatively, are not the same images scaled.
 const ASPECT_TOLERANCE: f64 = 0.01;
-/// Diagonal of film of 36 x 24 mm, millimetres.
-const FILM_DIAGONAL: f64 = 43.267;
 /// Principal points are at most so far from the middle of images, relative to their size; beyond the second bound they are
 /// of other images.
 const USUAL_OFF_MIDDLE: f64 = 0.12;
 const MOST_OFF_MIDDLE: f64 = 0.3;
+
+/// The cameras before any landmark is seen.
+pub(crate) struct GivenCameras {
+    pub lenses: Vec<LensCamera>,
+    pub known: Known,
+    /// Standard deviations of the logarithms of focal lengths, where they are not known.
+    pub focal_deviations: Vec<f64>,
+}
 
 /// The cameras of a calibration, for the footage by name, by the number in the name, or in order; or cameras of which
 /// nothing is known.
@@ -27,21 +35,11 @@ pub(crate) fn given_cameras(
     sources: &[Source],
     file: Option<&Path>,
     remarks: &mut Vec<String>,
-) -> Result<(Vec<LensCamera>, Known), ImportError> {
+) -> Result<GivenCameras, ImportError> {
     let Some(file) = file else {
-        let unknown = |source: &Source| {
-            let (width, height) = source.footage.size();
-            let mut camera = unknown_camera(&source.id, width, height);
-            if let Some(focal) = source.footage.focal_35mm() {
-                let diagonal = f64::from(width).hypot(f64::from(height));
-                camera.focal = DVec2::splat(focal * diagonal / FILM_DIAGONAL);
-            }
-            LensCamera { camera, distortion: None }
-        };
-        for source in sources.iter().filter(|source| source.footage.focal_35mm().is_some()) {
-            remarks.push(format!("{}: the focal length starts from that in the pictures' Exif data", source.id));
-        }
-        return Ok((sources.iter().map(unknown).collect(), Known::Nothing));
+        let unknown = |source: &Source| unknown(source, source.footage.stated_focal().as_ref(), remarks);
+        let (lenses, focal_deviations) = sources.iter().map(unknown).unzip();
+        return Ok(GivenCameras { lenses, known: Known::Nothing, focal_deviations });
     };
     let given = read_calibration(file)?;
     remarks.extend(given.remarks.iter().map(|remark| format!("{}: {remark}", file.display())));
@@ -70,7 +68,25 @@ pub(crate) fn given_cameras(
         check_middle(file, &lens.camera, remarks)?;
         lenses.push(lens);
     }
-    Ok((lenses, known))
+    let focal_deviations = vec![UsualFocal::UNSTATED; lenses.len()];
+    Ok(GivenCameras { lenses, known, focal_deviations })
+}
+
+/// A camera of which nothing is known but what its footage states, and the standard deviation of the logarithm of its focal
+/// length.
+fn unknown(source: &Source, stated: Option<&StatedFocal>, remarks: &mut Vec<String>) -> (LensCamera, f64) {
+    let (width, height) = source.footage.size();
+    let mut camera = unknown_camera(&source.id, width, height);
+    let Some(StatedFocal { pixels, deviation, origin }) = stated else {
+        return (LensCamera { camera, distortion: None }, UsualFocal::UNSTATED);
+    };
+    camera.focal = DVec2::splat(*pixels);
+    remarks.push(format!(
+        "{}: the focal length is taken from {origin}: {pixels:.0} pixels, good to {:.0} %",
+        source.id,
+        100.0 * deviation
+    ));
+    (LensCamera { camera, distortion: None }, *deviation)
 }
 
 /// Whether the principal point is near the middle of the images: it tells a calibration of other images that has no size.

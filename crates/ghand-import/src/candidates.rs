@@ -7,6 +7,7 @@ use ghand_motion::ik::HandIk;
 use glam::DVec2;
 
 use crate::ImportError;
+use crate::apart::{MOST_OVERLAP, overlap};
 use crate::choice::Candidate;
 use crate::hand::Hand;
 use crate::track::Track;
@@ -15,7 +16,7 @@ use crate::track::Track;
 const BORDER: f64 = 0.005;
 /// Images are taken at most this long before or after the moment that they stand for, in frames.
 const MOST_OFF: f64 = 0.75;
-/// Landmarks of another hand are at least this far away, relative to the hand's length: as far as masks are searched.
+/// Landmarks of another hand that are farther away, relative to the hand's length, are beyond where masks are searched.
 const CLEAR: f64 = 0.15;
 
 /// All frames with a pose, with their numbers: those of the first camera.
@@ -60,7 +61,9 @@ pub fn candidates(
             let middle = candidate.points[9];
             let span = camera.focal.x * hand.fit.lengths[1] / camera.camera_from_world(middle).z;
             spans.push(span);
-            candidate.is_alone &= sighting.other_hand.is_none_or(|gap| gap > CLEAR * span);
+            let size = [camera.width, camera.height].map(|edge| edge as usize);
+            let is_clear = sighting.gap().is_none_or(|gap| gap > CLEAR * span);
+            candidate.is_alone &= is_clear || overlap(sighting, size) < MOST_OVERLAP;
             candidate.blur = candidate.blur.max(moved(track, image, time + offsets[k]) / span);
         }
         let span = spans.iter().sum::<f64>() / spans.len().max(1) as f64;

@@ -64,7 +64,10 @@ pub fn side(
             let shown = name_of(if side == Side::Right { Side::Left } else { Side::Right });
             format!("shows only a {shown} hand; give --side {shown}, or omit it")
         } else {
-            "shows no hand that can be recognised; film the whole hand, near and in good light".into()
+            // Its networks know the colours of skin: not those of a glove.
+            "shows no hand that can be recognised; film the whole hand, bare, near and in good light, or give its landmarks \
+             with --landmarks"
+                .into()
         };
         return Err(ImportError::Unusable(format!("{}: {problem}", sources[0].footage.path().display())));
     }
@@ -220,7 +223,7 @@ pub fn wrong_size(length: f64, origin: Origin) -> ImportError {
 
 /// What a single camera's focal length was taken from, if only from what is usual.
 pub fn guessed_focal(source: &Source) -> Option<String> {
-    source.footage.focal_35mm().is_none().then(|| {
+    source.footage.stated_focal().is_none().then(|| {
         "one camera does not tell its focal length: that of most cameras is taken; --cameras gives a calibration".into()
     })
 }

@@ -28,7 +28,7 @@ pub struct Candidate {
     pub sharpness: f64,
     /// Whether the whole hand is in all images.
     pub is_inside: bool,
-    /// Whether other hands are clear of it in all images.
+    /// Whether no other hand is before or behind it in any image.
     pub is_alone: bool,
     /// How far the hand moves between the moments that its images show, and while each is exposed, relative to its
     /// length.
@@ -63,7 +63,7 @@ pub fn choose(candidates: &[Candidate], count: usize) -> Choice {
     let tests: [Test; 6] = [
         ("too few cameras see the hand", &|frame| frame.views >= views),
         ("the hand reaches over the border of an image", &|frame| frame.is_inside),
-        ("another hand is in front of it or beside it", &|frame| frame.is_alone),
+        ("another hand is in front of it or behind it", &|frame| frame.is_alone),
         ("the landmarks contradict each other", &|frame| frame.error <= most_error),
         ("the hand moves too fast", &|frame| frame.blur <= MOST_BLUR),
         ("the image of the hand is blurred", &|frame| frame.sharpness >= LEAST_SHARPNESS),

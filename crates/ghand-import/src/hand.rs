@@ -3,7 +3,7 @@
 use ghand_capture::cameras::list::LensCamera;
 use ghand_core::{HandModel, Pose};
 use ghand_motion::LandmarkFit;
-use ghand_motion::image_landmarks::{FitOptions, ImageFrame, ImagePoint, fit_hand_with};
+use ghand_motion::image_landmarks::{FitOptions, ImageFrame, ImagePoint, UsualFocal, fit_hand_with};
 use glam::DVec3;
 
 use crate::ImportError;
@@ -83,8 +83,8 @@ pub fn fit_hand(
 
 /// What is known of cameras whose calibration is not.
 pub struct UnknownCameras {
-    /// Likeliest focal lengths, pixels.
-    pub usual_focals: Vec<f64>,
+    /// Likeliest focal lengths.
+    pub usual_focals: Vec<UsualFocal>,
     /// Whether these are right.
     pub focals_are_known: bool,
     /// The hand's length, metres.

@@ -10,10 +10,11 @@ use ghand_core::{Camera, Side};
 use ghand_fit::alignment::refine_rough_cameras;
 use ghand_hand_model::builtin::builtin_hand;
 use ghand_motion::LandmarkFit;
+use ghand_motion::image_landmarks::UsualFocal;
 
 use crate::ImportError;
 use crate::board::cameras_by_board;
-use crate::cameras::given_cameras;
+use crate::cameras::{GivenCameras, given_cameras};
 use crate::candidates::{candidates, image_at};
 use crate::checks::{
     Origin, check_choice, check_fit, check_sides, check_still, check_tracks, clock_remarks, guessed_focal, side,
@@ -102,7 +103,8 @@ pub fn import(options: &ImportOptions, on_progress: &mut OnProgress) -> Result<I
     for source in &sources {
         remarks.extend(source.footage.remarks().iter().map(|remark| format!("{}: {remark}", source.id)));
     }
-    let (mut lenses, mut known) = given_cameras(&sources, options.cameras.as_deref(), &mut remarks)?;
+    let GivenCameras { mut lenses, mut known, focal_deviations } =
+        given_cameras(&sources, options.cameras.as_deref(), &mut remarks)?;
     for folder in [&options.out, &options.work] {
         fs::create_dir_all(folder).map_err(ImportError::write(folder))?;
     }
@@ -114,9 +116,7 @@ pub fn import(options: &ImportOptions, on_progress: &mut OnProgress) -> Result<I
             Some(GivenLandmarks::read(paths, side, &sources, &cameras, &mut remarks)?)
         }
     };
-    let places = given
-        .as_ref()
-        .map_or(LandmarkPlaces::TRACKER, |given| LandmarkPlaces { tip_inset: given.tip_inset, beside: &[] });
+    let places = given.as_ref().map_or(LandmarkPlaces::TRACKER, |given| given.places);
     let tracked = track_all(&sources, given.as_ref(), &options.work, on_progress)?;
     let side = side(&sources, &tracked, options.side, &mut remarks)?;
     let mut tracks: Vec<Track> =
@@ -133,12 +133,14 @@ pub fn import(options: &ImportOptions, on_progress: &mut OnProgress) -> Result<I
     let model = builtin_hand(side)?;
     let lengths = lengths_of(&model, places.tip_inset, places.beside)?;
     let whole = hand_length(&lengths_of(&model, 0.0, &[])?);
-    let (solved, uneven) = solve_with_times(&mut tracks, &lenses, known, &lengths, clocks)
+    let usual_focal =
+        |(lens, deviation): (&LensCamera, &f64)| UsualFocal { pixels: lens.camera.focal.x, deviation: *deviation };
+    let usual_focals: Vec<UsualFocal> = lenses.iter().zip(&focal_deviations).map(usual_focal).collect();
+    let (solved, uneven) = solve_with_times(&mut tracks, &lenses, known, &usual_focals, &lengths, clocks)
         .map_err(|SolveError::TooLittleInCommon(camera)| too_little_in_common(&sources[camera].id, known))?;
     if clocks.is_none() {
         remarks.extend(clock_remarks(&sources, &solved, &uneven));
     }
-    let usual_focals = lenses.iter().map(|lens| lens.camera.focal.x).collect();
     let origin = Origin::of(options.board.is_some(), known);
     let hand_length = place(&mut lenses, &solved, known, &lengths, whole, options.hand_length, &mut remarks)
         .map_err(|length| wrong_size(length, origin))?;
@@ -181,7 +183,11 @@ pub fn import(options: &ImportOptions, on_progress: &mut OnProgress) -> Result<I
         };
         chosen.iter().filter_map(frame).collect()
     };
-    write_images(&options.out, &sources, &frames_in(&hand), on_progress)?;
+    let near = write_images(&options.out, &sources, &tracks, &frames_in(&hand), on_progress)?;
+    let beside = sources.iter().zip(near).filter(|(_, count)| *count > 0);
+    remarks.extend(beside.map(|(source, count)| {
+        format!("{}: another hand is near this one in {count} images, and is cut out of their masks", source.id)
+    }));
     let mut capture = write_capture(&options.out, &lenses, &model, &hand.shape, &frames_in(&hand))?;
     if is_unknown {
         tell(on_progress, Step::Contours)?;

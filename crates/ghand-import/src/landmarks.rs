@@ -57,8 +57,8 @@ pub struct Tracked {
 pub struct GivenLandmarks {
     /// Which hand.
     pub side: Side,
-    /// How far those of fingertips lie before the ends of the fingers, metres.
-    pub tip_inset: f64,
+    /// Where the tracker's landmarks lie.
+    pub places: LandmarkPlaces,
     /// By camera and frame; a hand with a missing landmark is `None`.
     pub pixels: Vec<Vec<Option<[DVec2; LANDMARKS]>>>,
     /// What tells them from others.
@@ -109,7 +109,8 @@ impl GivenLandmarks {
         }
         let identity = paths.iter().map(|path| identity(path)).collect::<Vec<_>>().join("; ");
         let identity = format!("landmarks of a {side:?} hand in {identity}");
-        Ok(GivenLandmarks { side, tip_inset: found.tip_inset, pixels, identity })
+        let places = LandmarkPlaces { tip_inset: found.tip_inset, beside: found.beside };
+        Ok(GivenLandmarks { side, places, pixels, identity })
     }
 }
 

@@ -7,8 +7,10 @@
 //!    given.
 //!    A calibration [`board`] tells it, too.
 //! 3. [`hand`]: one hand and all its poses.
-//! 4. [`choice`]: of the [`candidates`], frames that are sharp, sure and different; [`writing`] makes a capture of them.
+//! 4. [`choice`]: of the [`candidates`], frames that are sharp, sure and different; [`writing`] makes a capture of them, with the pixels of
+//!    other hands where these are near ([`apart`]).
 
+pub mod apart;
 pub mod board;
 mod cameras;
 pub mod candidates;

@@ -1,6 +1,7 @@
 //! Cameras, clocks and lengths of the hand from the tracks of all cameras.
 
 use ghand_capture::cameras::list::LensCamera;
+use ghand_motion::image_landmarks::UsualFocal;
 
 use crate::clocks::{self, ClockOffset};
 use crate::moments::moments;
@@ -52,7 +53,7 @@ pub struct Solved {
     pub noise: f64,
 }
 
-/// Finds what is not known. `lengths` are those of the mean hand; `clocks`, if they are known, what to add to the first
+/// Finds what is not known. `focals` are the likeliest focal lengths, `lengths` those of the mean hand; `clocks`, if they are known, what to add to the first
 /// camera's time to have each one's, seconds.
 ///
 /// # Errors
@@ -61,6 +62,7 @@ pub fn solve(
     tracks: &[Track],
     lenses: &[LensCamera],
     known: Known,
+    focals: &[UsualFocal],
     lengths: &[f64; BONES.len()],
     clocks: Option<&[f64]>,
 ) -> Result<Solved, SolveError> {
@@ -74,7 +76,6 @@ pub fn solve(
     if tracks.len() < 2 {
         return Ok(Solved { rig, clocks, noise: 0.0 });
     }
-    let focals: Vec<f64> = rig.cameras.iter().map(|camera| camera.focal.x).collect();
     let mut noise = 0.0;
     for round in 0..ROUNDS {
         let seen = common_moments(tracks, lenses, &rig.offsets);
@@ -101,7 +102,7 @@ pub fn solve(
             size: matches!(known, Known::All | Known::AllButTheUnit),
         };
         let before = rig.offsets.clone();
-        (rig, noise) = refine(&rig, &seen, lengths, unknowns, &focals);
+        (rig, noise) = refine(&rig, &seen, lengths, unknowns, focals);
         if before.iter().zip(&rig.offsets).all(|(a, b)| (a - b).abs() < SMALL_OFFSET) {
             break;
         }

@@ -27,9 +27,29 @@ pub struct Sighting {
     pub presence: f64,
     /// How sharp the image is at the hand, relative to its contrast; 0 where that is unknown.
     pub sharpness: f64,
-    /// How near a landmark of another hand comes to one of this, pixels; `None` where the image shows no other.
+    /// The other hands in the image.
     #[serde(skip)]
-    pub other_hand: Option<f64>,
+    pub others: Vec<OtherHand>,
+}
+
+/// Another hand in the same image, as in [`Sighting`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct OtherHand {
+    /// Landmarks, pixels.
+    pub pixels: [DVec2; LANDMARKS],
+    /// Landmarks in space, metres.
+    pub world: [DVec3; LANDMARKS],
+}
+
+impl Sighting {
+    /// How near a landmark of another hand comes to one of this, pixels; `None` where the image shows no other.
+    pub fn gap(&self) -> Option<f64> {
+        let squared = |other: &OtherHand| {
+            let to = |a: &DVec2| other.pixels.iter().map(|b| a.distance_squared(*b)).fold(f64::INFINITY, f64::min);
+            self.pixels.iter().map(to).fold(f64::INFINITY, f64::min)
+        };
+        self.others.iter().map(squared).reduce(f64::min).map(f64::sqrt)
+    }
 }
 
 /// One hand in the footage of one camera.
@@ -100,7 +120,7 @@ impl Tracking {
             self.right[identity] = (right, self.right[identity].1 + 1);
             let sharpness = sharpness(rgb, width as usize, height as usize, &hand.landmarks);
             let TrackedHand { landmarks: pixels, world, presence, .. } = hand;
-            frame.push((identity, Sighting { pixels, world, presence, sharpness, other_hand: None }));
+            frame.push((identity, Sighting { pixels, world, presence, sharpness, others: vec![] }));
         }
         self.push(rgb, width, height, frame);
         Ok(())
@@ -121,7 +141,7 @@ impl Tracking {
         let seen = |pixels: &[DVec2; LANDMARKS]| -> Result<Sighting, TrackerError> {
             let world = self.tracker.in_space(rgb, width, height, pixels)?;
             let sharpness = sharpness(rgb, width as usize, height as usize, pixels);
-            Ok(Sighting { pixels: *pixels, world, presence: 1.0, sharpness, other_hand: None })
+            Ok(Sighting { pixels: *pixels, world, presence: 1.0, sharpness, others: vec![] })
         };
         let found = pixels.map(seen).transpose()?;
         self.right = vec![(if side == Side::Right { 1.0 } else { 0.0 }, LEAST_TRACK)];
@@ -187,19 +207,13 @@ impl Hands {
             let own = of_side.min_by(|a, b| off(a).total_cmp(&off(b)))?;
             last = Some(middle(&own.sighting));
             let others = frame.iter().filter(|hand| !std::ptr::eq(*hand, own));
-            let other_hand = others.map(|hand| gap(&own.sighting, &hand.sighting)).reduce(f64::min);
-            Some(Sighting { other_hand, ..own.sighting.clone() })
+            let other = |hand: &SidedHand| OtherHand { pixels: hand.sighting.pixels, world: hand.sighting.world };
+            Some(Sighting { others: others.map(other).collect(), ..own.sighting.clone() })
         };
         let mut sightings: Vec<Option<Sighting>> = self.hands.iter().map(pick).collect();
         sightings.truncate(times.len());
         Track { times: times[..sightings.len()].to_vec(), sightings }
     }
-}
-
-/// Distance of the nearest landmarks of two hands, pixels.
-fn gap(a: &Sighting, b: &Sighting) -> f64 {
-    let squared = |a: &DVec2| b.pixels.iter().map(|b| a.distance_squared(*b)).fold(f64::INFINITY, f64::min);
-    a.pixels.iter().map(squared).fold(f64::INFINITY, f64::min).sqrt()
 }
 
 fn middle(sighting: &Sighting) -> DVec2 {

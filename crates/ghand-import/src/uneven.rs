@@ -2,7 +2,9 @@
 //! reprojection tells by how much its frames come too early or too late.
 
 use ghand_capture::cameras::list::LensCamera;
+use ghand_core::Camera;
 use ghand_core::statistics::median;
+use ghand_motion::image_landmarks::UsualFocal;
 
 use crate::moments::moments;
 use crate::rig::bundle::refine;
@@ -54,11 +56,12 @@ pub fn solve_with_times(
     tracks: &mut [Track],
     lenses: &[LensCamera],
     known: Known,
+    focals: &[UsualFocal],
     lengths: &[f64; BONES.len()],
     clocks: Option<&[f64]>,
 ) -> Result<(Solved, Vec<UnevenClock>), SolveError> {
     let given: Vec<Vec<f64>> = tracks.iter().map(|track| track.times.clone()).collect();
-    let mut solved = solve(tracks, lenses, known, lengths, clocks)?;
+    let mut solved = solve(tracks, lenses, known, focals, lengths, clocks)?;
     if clocks.is_some() {
         return Ok((solved, vec![]));
     }
@@ -70,7 +73,7 @@ pub fn solve_with_times(
         if corrections == 0 {
             break;
         }
-        solved = solve(tracks, lenses, known, lengths, None)?;
+        solved = solve(tracks, lenses, known, focals, lengths, None)?;
     }
     let changed = |(camera, given): (usize, &Vec<f64>)| {
         let late = |(time, given): (&f64, &f64)| Lateness { time: *time, seconds: given - time };
@@ -113,7 +116,8 @@ fn lateness(
     let mut late = vec![vec![]; tracks.len()];
     let [Some(start), Some(end)] = [times.first(), times.last()] else { return late };
     let all = moments(tracks, lenses, &solved.rig.offsets, times);
-    let focals: Vec<f64> = solved.rig.cameras.iter().map(|camera| camera.focal.x).collect();
+    let focal = |camera: &Camera| UsualFocal { pixels: camera.focal.x, deviation: UsualFocal::UNSTATED };
+    let focals: Vec<UsualFocal> = solved.rig.cameras.iter().map(focal).collect();
     let parts = ((end - start) / PART) as usize;
     for part in 0..parts {
         let from = start + PART * part as f64;

@@ -11,19 +11,26 @@ use ghand_capture::images::color_correction::ColorCorrection;
 use ghand_capture::{Capture, Split};
 use ghand_core::{HandModel, Pose};
 use ghand_files::atomic_file::write_atomically;
+use glam::DVec2;
 use image::codecs::jpeg::JpegEncoder;
+use image::codecs::png::PngEncoder;
 use image::{ExtendedColorType, ImageEncoder};
 
 use crate::ImportError;
+use crate::apart::other_hands;
 use crate::progress::{OnProgress, Progress, Step};
 use crate::sources::Source;
+use crate::track::{Sighting, Track};
 
 /// Quality of the images, of 100: their errors are far below those of a video.
 const QUALITY: u8 = 97;
 /// The description of the capture.
 const CAPTURE_FILE: &str = "capture.json";
-/// Where the images are.
+/// Where the images are, and where other hands are in them.
 const IMAGES: &str = "images/{camera}/{frame}.jpg";
+const OTHER_HANDS: &str = "other-hands/{camera}/{frame}.png";
+/// Another hand whose landmarks are nearer than this, relative to the hand's extent in the image, is cut out of its mask.
+const NEAR: f64 = 0.4;
 
 /// A chosen frame.
 pub struct ChosenFrame {
@@ -37,20 +44,24 @@ pub struct ChosenFrame {
     pub is_held_out: bool,
 }
 
-/// Writes the images of frames, and removes those of an earlier choice.
+/// Writes the images of frames, and where other hands are in those that show one near the hand; removes those of an earlier
+/// choice. Returns for each camera in how many images another hand is near.
 ///
 /// # Errors
 /// If a file cannot be written, footage cannot be decoded, or the caller stops it.
 pub fn write_images(
     out: &Path,
     sources: &[Source],
+    tracks: &[Track],
     frames: &[ChosenFrame],
     on_progress: &mut OnProgress,
-) -> Result<(), ImportError> {
+) -> Result<Vec<usize>, ImportError> {
     // A folder with a capture.json is complete: an earlier one goes first.
     remove(|path| fs::remove_file(path), &out.join(CAPTURE_FILE))?;
     let total = frames.iter().flat_map(|frame| frame.images.iter().flatten()).count();
     let mut done = 0;
+    let mut near = vec![0; sources.len()];
+    remove(|path| fs::remove_dir_all(path), &out.join("other-hands"))?;
     for (camera, source) in sources.iter().enumerate() {
         let folder = out.join("images").join(&source.id);
         // Images of an earlier choice would only confuse.
@@ -70,6 +81,11 @@ pub fn write_images(
                     .write_image(&rgb, width, height, ExtendedColorType::Rgb8)
                     .map_err(|error| ImportError::write(&path)(io::Error::other(error)))?;
                 write_atomically(&path, bytes.get_ref()).map_err(ImportError::write(&path))?;
+                let sighting = tracks[camera].sightings.get(number).and_then(Option::as_ref);
+                if let Some(sighting) = sighting.filter(|sighting| is_another_near(sighting)) {
+                    write_other_hands(out, &source.id, &frame.id, sighting, [width, height])?;
+                    near[camera] += 1;
+                }
                 done += 1;
             }
             if !on_progress(&Progress { step: Step::Images, subject: source.id.clone(), done, total }) {
@@ -77,7 +93,34 @@ pub fn write_images(
             }
         }
     }
-    Ok(())
+    Ok(near)
+}
+
+/// Whether another hand is so near that a mask might reach it.
+fn is_another_near(sighting: &Sighting) -> bool {
+    let edge = |of: fn(DVec2, DVec2) -> DVec2| sighting.pixels.iter().copied().reduce(of).unwrap_or_default();
+    let extent = (edge(DVec2::max) - edge(DVec2::min)).max_element();
+    sighting.gap().is_some_and(|gap| gap < NEAR * extent)
+}
+
+/// Writes which pixels of an image are another hand's.
+fn write_other_hands(
+    out: &Path,
+    camera: &str,
+    frame: &str,
+    sighting: &Sighting,
+    [width, height]: [u32; 2],
+) -> Result<(), ImportError> {
+    let path = out.join(OTHER_HANDS.replace("{camera}", camera).replace("{frame}", frame));
+    let folder = path.parent().unwrap_or(out);
+    fs::create_dir_all(folder).map_err(ImportError::write(folder))?;
+    let found = other_hands(sighting, [width, height].map(|edge| edge as usize));
+    let values: Vec<u8> = found.into_iter().map(|is_other| if is_other { 255 } else { 0 }).collect();
+    let mut bytes = Cursor::new(vec![]);
+    PngEncoder::new(&mut bytes)
+        .write_image(&values, width, height, ExtendedColorType::L8)
+        .map_err(|error| ImportError::write(&path)(io::Error::other(error)))?;
+    write_atomically(&path, bytes.get_ref()).map_err(ImportError::write(&path))
 }
 
 /// Writes `capture.json` for images that are there: a folder that has one is complete.
@@ -100,6 +143,7 @@ pub fn write_capture(
     if frames.iter().any(|frame| frame.is_held_out) {
         splits.insert("test".to_owned(), split(true));
     }
+    let other_hands = out.join("other-hands").is_dir().then(|| OTHER_HANDS.to_owned());
     let mut capture = Capture {
         root: out.into(),
         side: model.side,
@@ -114,7 +158,7 @@ pub fn write_capture(
             .iter()
             .map(|f| Frame { id: f.id.clone(), pose: f.pose.clone(), shape: shape.to_vec() })
             .collect(),
-        images: ImagePaths::plain(IMAGES, None),
+        images: ImagePaths { other_hands, ..ImagePaths::plain(IMAGES, None) },
         splits,
         truth: None,
     };

@@ -22,6 +22,7 @@ pub use self::files::{ImageLandmarks, read_image_landmarks};
 use crate::PoseError;
 pub use crate::ik::LANDMARK_COUNT;
 use crate::ik::person::camera_freedom::CameraFreedom;
+pub use crate::ik::person::camera_freedom::UsualFocal;
 pub use crate::ik::person::proportions::in_skeleton;
 use crate::ik::person::sightings::{Sighting, SightingPosition};
 pub use crate::pose_sequence::LandmarkFit;
@@ -98,9 +99,9 @@ pub struct FitOptions<'a> {
     /// Where a tracker guesses the landmarks of each frame in space: metres, world, at the hand's place; empty without any.
     /// Where one camera sees the hand, they tell how deep fingers lie.
     pub guesses: &'a [Option<[DVec3; LANDMARK_COUNT]>],
-    /// The likeliest focal length of each camera, pixels, if cameras are to be fitted, too: where they are relative to the
+    /// The likeliest focal length of each camera, if cameras are to be fitted, too: where they are relative to the
     /// first one, and their focal lengths. They start from what is given. Only proportions of lengths are told then.
-    pub usual_focals: Option<&'a [f64]>,
+    pub usual_focals: Option<&'a [UsualFocal]>,
     /// Whether focal lengths stay as given then.
     pub focals_are_known: bool,
     /// Landmarks of the palm that lie beside their joints, and where: in the axes of a right hand's palm (x towards the little

@@ -13,7 +13,8 @@ use crate::say;
 /// Command line of `ghand board`.
 #[derive(Debug, Args)]
 pub struct BoardArgs {
-    /// The board: charuco:8x6:30mm (squares across and down, their side) or chessboard:9x6:25mm (inner corners)
+    /// The board: charuco:8x6:30mm (squares across and down, their side), chessboard:9x6:25mm (inner corners), or
+    /// aprilgrid:6x6:24mm (Kalibr's tags)
     kind: BoardKind,
     /// The drawing to write (.svg)
     #[arg(long, value_name = "FILE")]
@@ -30,6 +31,6 @@ pub fn run(args: &BoardArgs) -> anyhow::Result<()> {
     }
     write_atomically(&args.out, board_svg(&args.kind).as_bytes())
         .with_context(|| format!("{}: cannot write", args.out.display()))?;
-    say!("{}: print it at 100 %, glue it to something flat, and measure its squares", args.out.display());
+    say!("{}: print it at 100 %, glue it to something flat, and measure its squares or tags", args.out.display());
     Ok(())
 }

@@ -53,7 +53,7 @@ pub struct ImportArgs {
     #[arg(long, value_name = "FILE")]
     cameras: Option<PathBuf>,
     /// A calibration board that all cameras see before or after the hand, such as charuco:8x6:30mm (squares across and down,
-    /// their side) or chessboard:9x6:25mm (inner corners); `ghand board` draws one
+    /// their side), chessboard:9x6:25mm (inner corners), or aprilgrid:6x6:24mm (tags); `ghand board` draws one
     #[arg(long, value_name = "KIND", conflicts_with = "cameras")]
     board: Option<BoardKind>,
     /// Landmarks from another tracker, in a file for all cameras or one for each; without them the hand is tracked

@@ -27,6 +27,7 @@ pub enum CommandId {
     NextKey,
     SaveMotion,
     LivePoses,
+    Webcam,
     ResetAll,
     Frame,
     ResetView,
@@ -240,6 +241,13 @@ pub const COMMANDS: &[Command] = &[
         "Live poses",
         &[ctrl(Key::L)],
         "Opens the port, or the webcam of --webcam, through which a tracker drives the hand, or closes it.",
+    ),
+    command(
+        CommandId::Webcam,
+        Menu::Pose,
+        "Webcam",
+        &[ctrl_shift(Key::L)],
+        "Lets a hand before a webcam drive this one, or closes the webcam.",
     ),
     command(
         CommandId::ResetAll,

@@ -1,5 +1,6 @@
 //! Live poses: packets from the port or from a webcam drive the hand until something else changes its pose.
 
+mod cameras;
 pub mod feed;
 pub mod link;
 mod panel;

@@ -56,6 +56,7 @@ fn landmarks_in_images_are_ghands_own() {
     let points = file["frames"][0]["image_landmarks"]["cam3"].as_array().unwrap();
     assert!(points.len() == 21 && points.iter().all(|point| point[0].as_f64().unwrap() > 2.0), "{points:?}");
     assert!(["left", "right"].contains(&file["side"].as_str().unwrap()));
+    assert_eq!(file["tracker"], "mediapipe");
 }
 
 #[test]

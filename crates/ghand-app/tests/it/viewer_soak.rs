@@ -138,7 +138,7 @@ impl User {
     fn command(&mut self, ui: &mut Harness<'_, State<'_>>) {
         let command = COMMANDS.choose(&mut self.random).unwrap();
         // These ask the desktop, or open a port that other programs may have.
-        if ![CommandId::Open, CommandId::SaveMotion, CommandId::LivePoses].contains(&command.id) {
+        if ![CommandId::Open, CommandId::SaveMotion, CommandId::LivePoses, CommandId::Webcam].contains(&command.id) {
             let context = ui.ctx.clone();
             ui.state_mut().viewer.run(command.id, &context);
         }

@@ -10,7 +10,7 @@ const FLATTEST: f64 = 0.02;
 
 /// The homography that takes each point `from` nearest to its point `to`, up to its scale, by the direct linear transform
 /// in coordinates of unit spread; `None` if there are too few points, or all are nearly on a line.
-pub(super) fn homography(from: &[DVec2], to: &[DVec2]) -> Option<DMat3> {
+pub(crate) fn homography(from: &[DVec2], to: &[DVec2]) -> Option<DMat3> {
     if from.len() < LEAST || from.len() != to.len() {
         return None;
     }

@@ -122,8 +122,12 @@ pub(super) fn alike(corners: &[MovingCorner], lens: &Lens, kind: &BoardKind) -> 
 /// The map of the board to itself that takes each corner's place to that of the corner which a symmetry has for it.
 fn turn(kind: &BoardKind, symmetry: &[usize]) -> Pose {
     let place = |number: usize| symmetry.get(number).map_or(DVec3::ZERO, |to| kind.corner(*to));
-    let [x, y] = [1, kind.corners()[0]].map(|number| (place(number) - place(0)) / kind.side());
-    let rotation = DMat3::from_cols(x, y, x.cross(y));
+    let axes = |place: &dyn Fn(usize) -> DVec3| {
+        let [x, y] = [1, kind.corners()[0]].map(|number| (place(number) - place(0)) / kind.side());
+        DMat3::from_cols(x, y, x.cross(y))
+    };
+    // An AprilGrid's corners are counted upwards.
+    let rotation = axes(&place) * axes(&|number| kind.corner(number)).transpose();
     Pose { rotation, translation: place(0) - rotation * kind.corner(0) }
 }
 

@@ -155,8 +155,8 @@ fn distance(a: &Corners, b: &Corners) -> f64 {
     if count > 0.0 { sum / count } else { f64::INFINITY }
 }
 
-/// Where the outermost inner corners of the board are in an image, also unseen ones, pixels; `None` if too few are seen,
-/// nearly on a line, or mirrored.
+/// Where the outermost corners of the board are in an image, also unseen ones, clockwise, pixels; `None` if too few are
+/// seen, nearly on a line, or mirrored.
 pub(super) fn outline(corners: &Corners, kind: &BoardKind) -> Option<[DVec2; 4]> {
     let seen: Vec<(DVec2, DVec2)> = (corners.iter().enumerate())
         .filter_map(|(number, pixel)| Some((kind.corner(number).truncate(), (*pixel)?)))
@@ -166,9 +166,7 @@ pub(super) fn outline(corners: &Corners, kind: &BoardKind) -> Option<[DVec2; 4]>
     }
     let (places, pixels): (Vec<DVec2>, Vec<DVec2>) = seen.into_iter().unzip();
     let map = homography(&places, &pixels)?;
-    let [columns, rows] = kind.corners();
-    let outer = [0, columns - 1, columns * rows - 1, columns * (rows - 1)];
-    let outer = outer.map(|number| {
+    let outer = kind.outermost().map(|number| {
         let at = map * kind.corner(number).truncate().extend(1.0);
         at.truncate() / at.z
     });

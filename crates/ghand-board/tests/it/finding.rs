@@ -19,9 +19,14 @@ fn find(kind: &BoardKind, image: &[u8]) -> Sight {
 
 #[test]
 fn corners_are_found_where_they_are_and_with_their_numbers() {
-    for text in
-        ["charuco:8x6:30mm", "charuco:7x5:32mm:20mm:5X5_100", "charuco:8x6:30mm:20mm:legacy", "chessboard:9x6:25mm"]
-    {
+    for text in [
+        "charuco:8x6:30mm",
+        "charuco:7x5:32mm:20mm:5X5_100",
+        "charuco:8x6:30mm:20mm:legacy",
+        "chessboard:9x6:25mm",
+        "aprilgrid:6x5:28mm",
+        "aprilgrid:4x3:40mm:0.25",
+    ] {
         let kind = kind(text);
         let filming = &cameras(1, 0.0)[0];
         let mut distances = vec![];
@@ -74,7 +79,7 @@ fn images_without_a_board_have_none_and_are_told() {
         // Tiles without corners between black squares.
         pixels().map(|(x, y)| if x % 40 < 20 && y % 40 < 20 { 30 } else { 220 }).collect(),
     ];
-    for kind in [kind("charuco:8x6:30mm"), kind("chessboard:9x6:25mm")] {
+    for kind in [kind("charuco:8x6:30mm"), kind("chessboard:9x6:25mm"), kind("aprilgrid:6x6:28mm")] {
         let mut camera = BoardCamera::new("left", SIZE, None);
         for (image, time) in images.iter().zip(0..) {
             let found = find(&kind, image);
@@ -86,7 +91,7 @@ fn images_without_a_board_have_none_and_are_told() {
     }
     for (width, height) in [(1, 1), (2, 40), (40, 2), (12, 12), (32, 32), (65, 33)] {
         let image: Vec<u8> = (0..width * height).map(|_| rng.random()).collect();
-        for kind in [kind("charuco:8x6:30mm"), kind("chessboard:3x3:25mm")] {
+        for kind in [kind("charuco:8x6:30mm"), kind("chessboard:3x3:25mm"), kind("aprilgrid:2x2:28mm")] {
             let found = BoardFinder::new(&kind).unwrap().find(&image, width, height).unwrap();
             assert!(!matches!(found, Sight::Board(_)), "{kind} in {width} x {height}: {found:?}");
         }
@@ -103,6 +108,12 @@ fn another_board_is_told_with_what_it_is() {
         ("charuco:8x6:30mm:22mm:5X5_50", "charuco:8x6:30mm:22mm:6X6_50", "but not its markers"),
         ("chessboard:7x5:30mm", "charuco:8x6:30mm", "but not its markers"),
         ("charuco:8x6:30mm:20mm:legacy", "charuco:8x6:30mm:20mm", "add :legacy"),
+        ("aprilgrid:5x4:30mm", "aprilgrid:4x5:30mm", "at least 5 x 4 tags"),
+        ("aprilgrid:5x4:30mm", "aprilgrid:6x4:30mm", "at least 5 x 4 tags"),
+        ("aprilgrid:5x4:30mm", "aprilgrid:5x2:30mm", "at least 5 x 4 tags"),
+        ("aprilgrid:5x4:30mm:0.25", "aprilgrid:5x4:30mm", "are 25% of their side, not 30%"),
+        ("charuco:8x6:30mm", "aprilgrid:5x4:30mm", "none of its 6 images"),
+        ("aprilgrid:5x4:30mm", "charuco:8x6:30mm", "shows a board of 11 x 9 squares"),
     ];
     let filming = &cameras(1, 0.0)[0];
     for (shown, said, says) in cases {
@@ -114,5 +125,41 @@ fn another_board_is_told_with_what_it_is() {
         }
         let error = calibrate(&said, &[camera.clone()]).unwrap_err().to_string();
         assert!(error.contains(says), "{shown} for {said}: {error} {:?}", camera.others);
+    }
+}
+
+#[test]
+fn corners_of_an_april_grid_in_any_turn_and_in_part_have_their_numbers() {
+    let kind = kind("aprilgrid:6x5:28mm");
+    let image = render(&kind, &cameras(1, 0.0)[0], 0.3, EXPOSURE);
+    let Sight::Board(upright) = find(&kind, &image) else { panic!("not found") };
+    assert!(upright.len() > 100, "{}", upright.len());
+    let [width, height] = SIZE.map(|edge| edge as usize);
+    let quarter: Vec<u8> = (0..width * height).map(|k| image[(height - 1 - k % height) * width + k / height]).collect();
+    let half: Vec<u8> = image.iter().rev().copied().collect();
+    let finder = BoardFinder::new(&kind).unwrap();
+    let size = DVec2::from_array(SIZE.map(f64::from));
+    for (turned, [columns, rows], back) in [
+        (&quarter, [SIZE[1], SIZE[0]], &(|p: DVec2| DVec2::new(p.y, size.y - p.x)) as &dyn Fn(DVec2) -> DVec2),
+        (&half, SIZE, &|p: DVec2| size - p),
+    ] {
+        let Sight::Board(found) = finder.find(turned, columns, rows).unwrap() else { panic!("not found") };
+        let pairs: Vec<_> =
+            (upright.iter()).filter_map(|a| Some((a, found.iter().find(|b| b.number == a.number)?))).collect();
+        assert!(pairs.len() > 100, "{}", pairs.len());
+        for (a, b) in pairs {
+            assert!(a.pixel.distance(back(b.pixel)) < 0.25, "{a:?} {b:?}");
+        }
+    }
+    // A hand over the middle: corners that are seen keep their numbers, others are not made up.
+    let hidden = |p: DVec2| (p.x - 320.0).abs() < 70.0 && p.y > 150.0;
+    let covered: Vec<u8> = (image.iter().enumerate())
+        .map(|(k, value)| if hidden(DVec2::new((k % width) as f64, (k / width) as f64)) { 120 } else { *value })
+        .collect();
+    let Sight::Board(rest) = find(&kind, &covered) else { panic!("not found") };
+    assert!((30..upright.len() - 10).contains(&rest.len()), "{}", rest.len());
+    for corner in rest {
+        let whole = upright.iter().find(|whole| whole.number == corner.number).unwrap();
+        assert!(!hidden(corner.pixel) && corner.pixel.distance(whole.pixel) < 0.5, "{corner:?} {whole:?}");
     }
 }

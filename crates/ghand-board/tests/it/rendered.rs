@@ -27,12 +27,17 @@ fn searched(kind: &BoardKind, cameras: &[Filming], seconds: f64) -> Vec<BoardCam
 
 #[test]
 fn two_cameras_are_calibrated_from_noisy_blurred_images_of_lenses_that_distort() {
-    let kind: BoardKind = "charuco:8x6:30mm".parse().unwrap();
+    for text in ["charuco:8x6:30mm", "aprilgrid:6x5:28mm"] {
+        check(&text.parse().unwrap());
+    }
+}
+
+fn check(kind: &BoardKind) {
     let mut truth = cameras(2, 40.0);
     // As half of the frames of 30 a second.
     truth.iter_mut().for_each(|filming| filming.rate = 15.0);
     truth[1].clock = 0.01;
-    let found = calibrate(&kind, &searched(&kind, &truth, 6.0)).unwrap();
+    let found = calibrate(kind, &searched(kind, &truth, 6.0)).unwrap();
     for off in compare(&truth, &found) {
         assert!(off.focal < 0.005 && off.principal < 2.0 && off.pixels < 2.0, "{off:?}");
         assert!(off.rotation < 0.1 && off.place < 0.001 && off.clock.abs() < 0.001, "{off:?}");

@@ -1,6 +1,6 @@
 //! Cameras, a board that is moved about in front of them, and what they see of it.
 
-use ghand_board::picture::is_black;
+use ghand_board::picture::{is_black, margin};
 use ghand_board::{BoardCalibration, BoardCamera, BoardKind, CalibratedCamera, SeenCorner, Sight};
 use ghand_capture::cameras::distortion::Distortion;
 use ghand_capture::cameras::list::LensCamera;
@@ -124,7 +124,7 @@ pub fn render(kind: &BoardKind, filming: &Filming, time: f64, exposure: Exposure
     const SAMPLES: u32 = 2;
     let camera = &filming.lens.camera;
     let [width, height] = SIZE;
-    let margin = kind.side();
+    let margin = margin(kind);
     let mut image = vec![0.0f64; (width * height) as usize];
     for moment in 0..MOMENTS {
         let later = exposure.shutter * ((f64::from(moment) + 0.5) / f64::from(MOMENTS) - 0.5);
@@ -164,12 +164,12 @@ pub fn render(kind: &BoardKind, filming: &Filming, time: f64, exposure: Exposure
 
 /// A rectangle of pixels around the board with its margin.
 fn seen_outline(kind: &BoardKind, filming: &Filming, (rotation, shift): (DMat3, DVec3)) -> [DVec2; 2] {
-    let size = kind.size() + 2.0 * kind.side();
+    let size = kind.size() + 2.0 * margin(kind);
     let edge = |k: u32| {
         let part = f64::from(k % 8) / 8.0;
         let place =
             [DVec2::new(part, 0.0), DVec2::new(1.0, part), DVec2::new(1.0 - part, 1.0), DVec2::new(0.0, 1.0 - part)];
-        rotation * (place[k as usize / 8] * size - kind.side()).extend(0.0) + shift
+        rotation * (place[k as usize / 8] * size - margin(kind)).extend(0.0) + shift
     };
     let pixels = (0..32).filter_map(|k| seen(&filming.lens, edge(k)));
     let [low, high] = pixels.fold([DVec2::INFINITY, DVec2::NEG_INFINITY], |[a, b], p| [a.min(p), b.max(p)]);

@@ -146,6 +146,7 @@ impl Reader<'_> {
         let template = mean_shaped(&hand_model, &frames).map_err(|source| self.hand_model_error(source))?;
 
         let mut images = ImagePaths::plain(&file.image_path, file.mask_path.as_deref());
+        images.other_hands.clone_from(&file.other_hands_path);
         match file.masks.as_deref() {
             None => {}
             Some(MADE) => images.made_masks = Some(MadeMasks::new(MaskMethod::Colors, root.clone(), PathBuf::new())),
@@ -357,7 +358,11 @@ impl Reader<'_> {
         cameras: &HashMap<&str, usize>,
         frames: &HashMap<&str, usize>,
     ) -> Result<(), CaptureError> {
-        let templates = [("image_path", Some(&images.image)), ("mask_path", images.mask.as_ref())];
+        let templates = [
+            ("image_path", Some(&images.image)),
+            ("mask_path", images.mask.as_ref()),
+            ("other_hands_path", images.other_hands.as_ref()),
+        ];
         for (field, template) in templates.into_iter().filter_map(|(field, t)| Some((field, t?))) {
             self.validator.is_inside_capture(field, template)?;
             for (placeholder, count) in [("{camera}", cameras.len()), ("{frame}", frames.len())] {

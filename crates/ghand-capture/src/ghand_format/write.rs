@@ -68,6 +68,7 @@ impl Capture {
             frames: frames.collect(),
             image_path: self.images.image.clone(),
             mask_path: self.images.mask.clone(),
+            other_hands_path: self.images.other_hands.clone(),
             masks: self.images.made_masks.as_ref().map(|_| MADE.into()),
             splits: splits.collect(),
         }

@@ -126,6 +126,9 @@ impl Capture {
         let cut = |rgba: &mut [[u8; 4]]| {
             rgba.iter_mut().for_each(|pixel| pixel[3] = if pixel[3] >= 128 { 255 } else { 0 });
         };
+        if made.is_some() {
+            self.leave_out_other_hands(camera, frame, &mut rgba)?;
+        }
         cut(&mut rgba);
         has_mask |= rgba.iter().any(|pixel| pixel[3] == 0);
         let [r, g, b] = self.background.map(|v| (v * 255.0).round() as u8);
@@ -165,7 +168,19 @@ impl Capture {
         let size = self.camera_and_frame(camera, frame).map(|(c, _)| (c.width, c.height))?;
         let file = self.image_file(camera, frame)?;
         let bytes = read_bytes(&file, Role::Image, size)?;
-        self.undistorted(camera, self.display_values(decode(&file, Role::Image, &bytes, size)?, &bytes))
+        let mut rgba = self.display_values(decode(&file, Role::Image, &bytes, size)?, &bytes);
+        self.leave_out_other_hands(camera, frame, &mut rgba)?;
+        self.undistorted(camera, rgba)
+    }
+
+    /// Makes the alpha of pixels 0 where another hand is: as outside what the camera sees.
+    fn leave_out_other_hands(&self, camera: usize, frame: usize, rgba: &mut [[u8; 4]]) -> Result<(), CaptureError> {
+        let size = self.camera_and_frame(camera, frame).map(|(c, _)| (c.width, c.height))?;
+        let Some(file) = self.other_hands_file(camera, frame)? else { return Ok(()) };
+        let bytes = read_bytes(&file, Role::Mask, size)?;
+        let others = mask_values(decode(&file, Role::Mask, &bytes, size)?).values;
+        rgba.iter_mut().zip(others).filter(|(_, value)| *value >= 128).for_each(|(pixel, _)| pixel[3] = 0);
+        Ok(())
     }
 
     /// The mask from its file, if the capture has masks. `None` for a missing mask that can be made.

@@ -46,8 +46,11 @@ impl MaskFile {
         mask: Option<&[u8]>,
         made_from: u64,
     ) -> Result<MaskFile, CaptureError> {
+        // One that cannot be read is told where the mask is made.
+        let other_hands = capture.other_hands_file(camera, frame)?.and_then(|file| std::fs::read(file).ok());
         let (camera, frame) = capture.camera_and_frame(camera, frame)?;
         let mut hasher = DefaultHasher::new();
+        other_hands.hash(&mut hasher);
         let mut add = |values: &[DVec3]| {
             values.len().hash(&mut hasher);
             values.iter().flat_map(DVec3::to_array).for_each(|v| v.to_bits().hash(&mut hasher));

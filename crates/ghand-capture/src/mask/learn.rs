@@ -44,9 +44,11 @@ pub(super) fn key(capture: &Capture, camera: usize, frames: &[usize]) -> Result<
         let (_, vertices, poses) = posed(capture, frame)?;
         poses.hash(&mut hasher);
         vertices.iter().flat_map(DVec3::to_array).for_each(|v| v.to_bits().hash(&mut hasher));
-        let file = capture.image_file(camera, frame)?;
-        let data = std::fs::metadata(&file).ok();
-        (file, data.as_ref().map(std::fs::Metadata::len), data.and_then(|data| data.modified().ok())).hash(&mut hasher);
+        for file in [Some(capture.image_file(camera, frame)?), capture.other_hands_file(camera, frame)?] {
+            let data = file.as_ref().and_then(|file| std::fs::metadata(file).ok());
+            let length = data.as_ref().map(std::fs::Metadata::len);
+            (file, length, data.and_then(|data| data.modified().ok())).hash(&mut hasher);
+        }
     }
     if let Some(camera) = capture.cameras.get(camera) {
         format!("{camera:?}").hash(&mut hasher);

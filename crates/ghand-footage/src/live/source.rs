@@ -38,6 +38,12 @@ impl LiveSource {
         Ok(LiveSource(Kind::Camera(Camera::first(system)?, system)))
     }
 
+    /// All connected cameras, in the order of the system. This may take a second: on some systems ffmpeg lists them.
+    pub fn cameras() -> Vec<LiveSource> {
+        let system = System::here();
+        system.cameras().into_iter().map(|camera| LiveSource(Kind::Camera(camera, system))).collect()
+    }
+
     /// A camera by its number from 0, its name or a part of it, or on Linux its device (`/dev/video2`); or the file of a
     /// video. A number is always that of a camera, whatever files there are.
     ///

@@ -5,6 +5,7 @@
 //! degrees. The same input gives the same bits for any number of threads.
 
 use ghand_core::rotation::rotation_from_axis_angle;
+use ghand_motion::image_landmarks::UsualFocal;
 use glam::DVec3;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -19,10 +20,6 @@ use super::{Moment, Rig, Unknowns};
 /// Standard deviation of the logarithm of a bone's length beyond the hand's size: 5 % among people, and as much between
 /// a tracker's idea of a joint and a model's.
 const BONE_DEVIATION: f64 = 0.1;
-/// Standard deviation of the logarithm of an unknown focal length from the usual one.
-const FOCAL_DEVIATION: f64 = 0.25;
-/// The same of the focal lengths of a rig's cameras from one another: most rigs have cameras of one kind.
-const FOCAL_SPREAD: f64 = 0.01;
 /// Noise of landmarks at first, and its bounds, metres.
 const FIRST_NOISE: f64 = 0.02;
 const LEAST_NOISE: f64 = 2e-4;
@@ -38,13 +35,13 @@ const FIRST_DAMPING: f64 = 1e-3;
 const MOST_DAMPING: f64 = 1e6;
 
 /// A refined rig, and the standard deviation of a landmark's coordinate, metres at a hand of mean size. `focals` are the
-/// likeliest focal lengths without any image, pixels.
+/// likeliest focal lengths without any image.
 pub fn refine(
     rig: &Rig,
     moments: &[Moment],
     lengths: &[f64; BONES.len()],
     unknowns: Unknowns,
-    focals: &[f64],
+    focals: &[UsualFocal],
 ) -> (Rig, f64) {
     let active = active(rig, unknowns);
     let seen_at = rig.offsets.clone();
@@ -121,20 +118,18 @@ fn total(problem: &Problem, moments: &[Moment], points: &[Option<Points>]) -> [f
     costs.iter().fold([0.0; 3], |sum, cost| std::array::from_fn(|k| sum[k] + cost[k]))
 }
 
-fn prior_cost(rig: &Rig, focals: &[f64]) -> f64 {
+fn prior_cost(rig: &Rig, focals: &[UsualFocal]) -> f64 {
     let bones: f64 = rig.bones.iter().map(|bone| (bone / BONE_DEVIATION).powi(2)).sum();
     let zooms = zooms(rig, focals);
     let mean = zooms.iter().sum::<f64>() / zooms.len() as f64;
-    bones
-        + zooms
-            .iter()
-            .map(|zoom| (zoom / FOCAL_DEVIATION).powi(2) + ((zoom - mean) / FOCAL_SPREAD).powi(2))
-            .sum::<f64>()
+    let spread = UsualFocal::spread(focals);
+    let cost = |(zoom, usual): (&f64, &UsualFocal)| (zoom / usual.deviation).powi(2) + ((zoom - mean) / spread).powi(2);
+    bones + zooms.iter().zip(focals).map(cost).sum::<f64>()
 }
 
 /// Logarithms of the focal lengths relative to the usual ones.
-fn zooms(rig: &Rig, focals: &[f64]) -> Vec<f64> {
-    rig.cameras.iter().zip(focals).map(|(camera, usual)| (camera.focal.x / usual).ln()).collect()
+fn zooms(rig: &Rig, focals: &[UsualFocal]) -> Vec<f64> {
+    rig.cameras.iter().zip(focals).map(|(camera, usual)| (camera.focal.x / usual.pixels).ln()).collect()
 }
 
 /// The normal equations of all moments, with what eliminating their points needs.
@@ -150,7 +145,7 @@ impl Reduced {
         moments: &[Moment],
         points: &[Option<Points>],
         active: &[usize],
-        focals: &[f64],
+        focals: &[UsualFocal],
     ) -> Reduced {
         let of_moment = |(k, (moment, points)): (usize, (&Moment, &Option<Points>))| {
             let all = problem.equations(k, moment, points.as_ref()?);
@@ -177,13 +172,15 @@ impl Reduced {
                 gradient[row] += bone * BONE_DEVIATION.powi(-2);
             }
         }
-        for (camera, zoom) in zooms.iter().enumerate() {
+        let spread = UsualFocal::spread(focals).powi(-2);
+        for (camera, (zoom, usual)) in zooms.iter().zip(focals).enumerate() {
             let Some(row) = place(FIRST_CAMERA + CAMERA_NUMBERS * camera + FOCAL) else { continue };
-            shared[(row, row)] += FOCAL_DEVIATION.powi(-2) + FOCAL_SPREAD.powi(-2);
-            gradient[row] += zoom * FOCAL_DEVIATION.powi(-2) + (zoom - mean) * FOCAL_SPREAD.powi(-2);
+            let weight = usual.deviation.powi(-2);
+            shared[(row, row)] += weight + spread;
+            gradient[row] += zoom * weight + (zoom - mean) * spread;
             for other in 0..zooms.len() {
                 if let Some(column) = place(FIRST_CAMERA + CAMERA_NUMBERS * other + FOCAL) {
-                    shared[(row, column)] -= FOCAL_SPREAD.powi(-2) / zooms.len() as f64;
+                    shared[(row, column)] -= spread / zooms.len() as f64;
                 }
             }
         }

@@ -93,7 +93,7 @@ pub fn track(motion: &Motion, camera: &Camera, rate: f64, seconds: f64, offset: 
         let tilt = rotation_from_axis_angle(0.25 * normal3(&mut random));
         let world =
             points.map(|point| 0.95 * (tilt * (camera.rotation * (point - middle))) + noise * normal3(&mut random));
-        Some(Sighting { pixels, world, presence: 1.0, sharpness: 1.0, other_hand: None })
+        Some(Sighting { pixels, world, presence: 1.0, sharpness: 1.0, others: vec![] })
     });
     let sightings = sightings.collect();
     Track { times, sightings }

@@ -7,7 +7,7 @@ use ghand_import::rig::lengths::{hand_length, lengths_of};
 use ghand_import::solve::{Known, solve};
 use ghand_import::track::Track;
 use ghand_import::uneven::solve_with_times;
-use ghand_motion::image_landmarks::MEDIAPIPE_TIP_INSET;
+use ghand_motion::image_landmarks::{MEDIAPIPE_TIP_INSET, UsualFocal};
 use glam::{DMat3, DVec3};
 
 use crate::hands::{Motion, cameras, hand, lenses, track};
@@ -19,6 +19,11 @@ fn tracks(cameras: &[Camera], rates: &[f64], noise: f64, seed: u64) -> Vec<Track
     let one =
         |(k, camera)| track(&motion, camera, rates[k % rates.len()], 12.0, OFFSETS[k], noise, 100 * seed + k as u64);
     cameras.iter().enumerate().map(one).collect()
+}
+
+/// Focal lengths that no footage states.
+fn usual(cameras: &[Camera]) -> Vec<UsualFocal> {
+    cameras.iter().map(|camera| UsualFocal { pixels: camera.focal.x, deviation: UsualFocal::UNSTATED }).collect()
 }
 
 /// Of camera k relative to the first one: degrees of its turn, and metres of its place.
@@ -56,7 +61,7 @@ fn the_hand_alone_tells_cameras_and_clocks() {
         let tracks = tracks(&truth, rates, 0.003, seed);
         let unknown: Vec<Camera> =
             (truth.iter()).map(|c| ghand_import::rig::start::unknown_camera(&c.id, c.width, c.height)).collect();
-        let found = solve(&tracks, &lenses(&unknown), Known::Nothing, &lengths, None).unwrap();
+        let found = solve(&tracks, &lenses(&unknown), Known::Nothing, &usual(&unknown), &lengths, None).unwrap();
         // The hand's length is known.
         let mut cameras = found.rig.cameras.clone();
         let length = hand_length(&std::array::from_fn(|k| lengths[k] * found.rig.bones[k].exp()));
@@ -80,6 +85,36 @@ fn the_hand_alone_tells_cameras_and_clocks() {
 }
 
 #[test]
+fn focal_lengths_that_footage_states_place_cameras_with_different_lenses() {
+    let lengths = lengths_of(&hand(), MEDIAPIPE_TIP_INSET, &[]).unwrap();
+    let mut truth = cameras(2);
+    // A phone's wide lens beside its usual one.
+    truth[1].focal *= 0.55;
+    let tracks = tracks(&truth, &[30.0], 0.003, 1);
+    let found = |start: &[Camera], focals: &[UsualFocal]| {
+        let found = solve(&tracks, &lenses(start), Known::Nothing, focals, &lengths, None).unwrap();
+        let zooms = [0, 1].map(|k| (found.rig.cameras[k].focal.x / truth[k].focal.x).ln().abs());
+        let (degrees, _) = off(&found.rig.cameras, &truth, 1);
+        println!("{degrees:.2} degrees, focal lengths {zooms:.3?}");
+        (degrees, zooms[0].max(zooms[1]))
+    };
+    let unknown: Vec<Camera> =
+        (truth.iter()).map(|c| ghand_import::rig::start::unknown_camera(&c.id, c.width, c.height)).collect();
+    let (_, unstated) = found(&unknown, &usual(&unknown));
+    // Stated with errors as videos have them.
+    let mut stated = truth.clone();
+    stated[0].focal *= 1.05;
+    stated[1].focal *= 0.94;
+    let focals: Vec<UsualFocal> =
+        stated.iter().map(|camera| UsualFocal { pixels: camera.focal.x, deviation: 0.1 }).collect();
+    stated.iter_mut().zip(&unknown).for_each(|(camera, unknown)| {
+        (camera.rotation, camera.translation) = (unknown.rotation, unknown.translation);
+    });
+    let (degrees, wrong) = found(&stated, &focals);
+    assert!(degrees < 2.0 && wrong < 0.08 && unstated > 3.0 * wrong, "{degrees} {wrong} {unstated}");
+}
+
+#[test]
 fn a_known_rig_keeps_its_place_and_tells_the_hands_size() {
     let lengths = lengths_of(&hand(), MEDIAPIPE_TIP_INSET, &[]).unwrap();
     let truth = cameras(2);
@@ -87,14 +122,14 @@ fn a_known_rig_keeps_its_place_and_tells_the_hands_size() {
     // As calibrated with a board whose squares, 43 mm long, are the unit.
     let mut squares = truth.clone();
     squares.iter_mut().for_each(|camera| camera.translation /= 0.043);
-    let found = solve(&tracks, &lenses(&squares), Known::AllButTheUnit, &lengths, None).unwrap();
+    let found = solve(&tracks, &lenses(&squares), Known::AllButTheUnit, &usual(&squares), &lengths, None).unwrap();
     let length = hand_length(&std::array::from_fn(|k| lengths[k] * found.rig.bones[k].exp())) * found.rig.size;
     let unit = hand_length(&lengths) / length;
     println!("one unit is {:.2} mm", 1e3 * unit);
     assert!((unit / 0.043 - 1.0).abs() < 0.03);
-    let found = solve(&tracks, &lenses(&truth), Known::All, &lengths, None).unwrap();
+    let found = solve(&tracks, &lenses(&truth), Known::All, &usual(&truth), &lengths, None).unwrap();
     assert_eq!(found.rig.cameras, truth);
-    let given = solve(&tracks, &lenses(&truth), Known::All, &lengths, Some(&OFFSETS[..2])).unwrap();
+    let given = solve(&tracks, &lenses(&truth), Known::All, &usual(&truth), &lengths, Some(&OFFSETS[..2])).unwrap();
     assert!(given.rig.offsets == OFFSETS[..2] && (given.rig.size - found.rig.size).abs() < 0.01);
     assert!((found.rig.size - 1.0).abs() < 0.1 && (found.rig.offsets[1] - OFFSETS[1]).abs() < 0.003);
     assert!(hand_length(&lengths) > 0.16);
@@ -115,7 +150,7 @@ fn drift_and_lost_frames_are_found_and_corrected() {
     let motion = Motion::new(3);
     let mut all: Vec<Track> =
         (0..3).map(|k| track(&motion, &truth[k], 30.0, 20.0, OFFSETS[k], 0.003, 60 + k as u64)).collect();
-    let even = solve_with_times(&mut all.clone(), &lenses(&truth), Known::All, &lengths, None).unwrap();
+    let even = solve_with_times(&mut all.clone(), &lenses(&truth), Known::All, &usual(&truth), &lengths, None).unwrap();
     assert!(even.1.is_empty(), "{:?}", even.1);
     let times: Vec<Vec<f64>> = all.iter().map(|track| track.times.clone()).collect();
     // The second clock is fast by 4 ms a second, and the third camera loses seven frames in the middle.
@@ -125,7 +160,8 @@ fn drift_and_lost_frames_are_found_and_corrected() {
     lost.sightings = (0..lost.sightings.len()).filter(|k| kept(*k)).map(|k| lost.sightings[k].clone()).collect();
     lost.times.truncate(lost.sightings.len());
     let kept_times: Vec<f64> = (0..times[2].len()).filter(|k| kept(*k)).map(|k| times[2][k]).collect();
-    let (solved, uneven) = solve_with_times(&mut all, &lenses(&truth), Known::All, &lengths, None).unwrap();
+    let (solved, uneven) =
+        solve_with_times(&mut all, &lenses(&truth), Known::All, &usual(&truth), &lengths, None).unwrap();
     println!("{uneven:?}");
     assert_eq!(uneven.iter().map(|clock| clock.camera).collect::<Vec<_>>(), [1, 2]);
     assert!((uneven[0].fast - 0.004).abs() < 1e-3 && uneven[1].uneven > 0.0);

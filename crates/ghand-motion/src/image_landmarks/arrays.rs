@@ -164,7 +164,8 @@ fn content(
     };
     let views = if is_single { Views::One(view(0)) } else { Views::All((0..views).map(view).collect()) };
     let tip_inset = if layout == Layout::InterHand { 0.0 } else { MEDIAPIPE_TIP_INSET };
-    Ok(Content { remarks, ..Content::new(views, tip_inset) })
+    // FreeMoCap tracks with MediaPipe; 21 points alone may be anybody's.
+    Ok(Content { remarks, is_mediapipe: layout == Layout::FreeMoCap, ..Content::new(views, tip_inset) })
 }
 
 /// The first point of a hand: FreeMoCap has written the right hand, the left one and the face behind the body, and in

@@ -7,9 +7,10 @@ use std::path::{Path, PathBuf};
 use ghand_core::Side;
 use ghand_files::input_file;
 use ghand_files::value::{Value, ValueError};
+use glam::DVec3;
 
 use super::view::{Content, Problem, View, Views};
-use super::{ImageFrame, MEDIAPIPE_TIP_INSET, arrays, mediapipe, openpose, tables};
+use super::{ImageFrame, MEDIAPIPE_BESIDE, MEDIAPIPE_TIP_INSET, arrays, mediapipe, openpose, tables};
 use crate::PoseError;
 use crate::pose_sequence::formats::image_landmarks as own;
 
@@ -33,6 +34,9 @@ pub struct ImageLandmarks {
     pub fps: Option<f64>,
     /// How far landmarks of fingertips lie before the ends of the fingers, metres: for [`super::fit_hand`].
     pub tip_inset: f64,
+    /// Landmarks of the palm that lie beside their joints, as in [`super::FitOptions`]: MediaPipe's, if the files are surely
+    /// from it.
+    pub beside: &'static [(usize, DVec3)],
     /// What the user should know, one sentence each.
     pub remarks: Vec<String>,
 }
@@ -168,7 +172,8 @@ fn content(path: &Path, cameras: usize, side: Side) -> Result<Content, PoseError
             return Err(invalid(path, "side", format!("is of the other hand; give landmarks of the {which} hand")));
         }
         let fps = value.get("fps").and_then(Value::number);
-        return Ok(Content { fps, ..Content::new(Views::Named(found.frames), found.tip_inset) });
+        let is_mediapipe = found.is_mediapipe;
+        return Ok(Content { fps, is_mediapipe, ..Content::new(Views::Named(found.frames), found.tip_inset) });
     }
     let text = format!(
         "is {}, which is not a known layout of landmarks in images; docs/poses.md lists them: MediaPipe's, OpenPose's, \
@@ -203,9 +208,11 @@ fn combined(parts: Vec<(PathBuf, Content)>, camera_ids: &[String]) -> Result<Ima
     let first = first.clone();
     let ids = ids_of_parts(&parts, camera_ids)?;
     let mut all = Frames::default();
-    let mut result = ImageLandmarks { frames: vec![], fps: None, tip_inset: MEDIAPIPE_TIP_INSET, remarks: vec![] };
+    let mut result =
+        ImageLandmarks { frames: vec![], fps: None, tip_inset: MEDIAPIPE_TIP_INSET, beside: &[], remarks: vec![] };
     for (number, ((path, content), id)) in parts.into_iter().zip(ids).enumerate() {
-        if number > 0 && content.tip_inset != result.tip_inset {
+        let beside: &[(usize, DVec3)] = if content.is_mediapipe { &MEDIAPIPE_BESIDE } else { &[] };
+        if number > 0 && (content.tip_inset != result.tip_inset || beside != result.beside) {
             return Err(invalid(
                 &path,
                 "content",
@@ -213,6 +220,7 @@ fn combined(parts: Vec<(PathBuf, Content)>, camera_ids: &[String]) -> Result<Ima
             ));
         }
         result.tip_inset = content.tip_inset;
+        result.beside = beside;
         result.fps = result.fps.or(content.fps);
         result.remarks.extend(content.remarks.into_iter().map(|remark| format!("{}: {remark}", path.display())));
         match content.views {

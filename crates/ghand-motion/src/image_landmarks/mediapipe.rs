@@ -61,7 +61,7 @@ fn content(frames: &[Value], side: Side) -> Result<Content, Problem> {
             ));
         }
     }
-    Ok(Content { remarks, ..Content::new(Views::One(view), MEDIAPIPE_TIP_INSET) })
+    Ok(Content { remarks, is_mediapipe: true, ..Content::new(Views::One(view), MEDIAPIPE_TIP_INSET) })
 }
 
 /// The hand of a side, if the frame has it.

@@ -137,6 +137,7 @@ fn mediapipes_dumps_of_each_camera_are_read() {
         for side in [Side::Right, Side::Left] {
             let found = assert_seen(&paths, side, scale);
             assert_eq!((found.fps, found.tip_inset), (Some(25.0), MEDIAPIPE_TIP_INSET), "{name}");
+            assert_eq!(found.beside, &MEDIAPIPE_BESIDE, "{name}");
         }
         // Frames alone, one on each line.
         let lines = |view: usize| {
@@ -182,7 +183,8 @@ fn folders_of_openpose_are_read() {
     }
     let out = folder.path().join("out");
     for side in [Side::Right, Side::Left] {
-        assert_seen(std::slice::from_ref(&out), side, DVec2::ONE);
+        // OpenPose's landmarks are taken for joints.
+        assert!(assert_seen(std::slice::from_ref(&out), side, DVec2::ONE).beside.is_empty());
         assert_seen(&[out.join("cam10"), out.join("cam1")], side, DVec2::ONE);
     }
     // One camera of the two is enough if its name says which.
@@ -206,7 +208,8 @@ fn arrays_are_read_by_either_axis_first() {
     (0..FRAMES).for_each(|f| (0..2).for_each(|v| (0..21).for_each(|k| by_frame.extend(xy(side, v, f, k)))));
     (0..2).for_each(|v| (0..FRAMES).for_each(|f| (0..21).for_each(|k| by_camera.extend(xy(side, v, f, k)))));
     let frames_first = write(&folder, "a.npy", npy(&[FRAMES, 2, 21, 2], &by_frame));
-    assert_seen(&[frames_first], side, DVec2::ONE);
+    // Of 21 points nobody knows whose they are.
+    assert!(assert_seen(&[frames_first], side, DVec2::ONE).beside.is_empty());
     let cameras_first = write(&folder, "b.npy", npy(&[2, FRAMES, 21, 2], &by_camera));
     assert_seen(&[cameras_first], side, DVec2::ONE);
     // Scores as third numbers; not found is a score of 0.
@@ -268,7 +271,8 @@ fn freemocaps_arrays_are_read_in_both_of_its_orders() {
             }
             let path = write(&folder, name, npy(&[2, FRAMES, 75 + face, 3], &values));
             for side in [Side::Right, Side::Left] {
-                assert_seen(std::slice::from_ref(&path), side, DVec2::ONE);
+                // FreeMoCap tracks with MediaPipe.
+                assert_eq!(assert_seen(std::slice::from_ref(&path), side, DVec2::ONE).beside, &MEDIAPIPE_BESIDE);
             }
         }
     }
@@ -375,6 +379,7 @@ fn tables_of_deeplabcut_anipose_and_others_are_read() {
     for name in ["dlc", "several", "flat"] {
         for side in [Side::Right, Side::Left] {
             let found = assert_seen(&[folder.path().join(name)], side, DVec2::ONE);
+            assert!(found.beside.is_empty(), "{name}");
             assert!(found.frames[0].cameras[0].1.iter().flatten().all(|point| point.score == 0.97), "{name}");
         }
     }
@@ -415,7 +420,7 @@ fn damaged_and_foreign_files_are_refused_in_one_sentence() {
 #[test]
 fn files_of_ghand_track_of_several_cameras_are_joined() {
     let folder = tempfile::tempdir().unwrap();
-    let file = |view: usize| {
+    let file = |view: usize, tracker: Json| {
         let point = |f, k: usize| {
             if is_missing(view, f, k) { Json::Null } else { json!(pixel(Side::Right, view, f, k).to_array()) }
         };
@@ -424,10 +429,19 @@ fn files_of_ghand_track_of_several_cameras_are_joined() {
             json!({"id": format!("{f:04}"), "image_landmarks": {CAMERAS[view]: points}})
         };
         let frames: Vec<Json> = (0..FRAMES).map(frame).collect();
-        write(&folder, &format!("{view}.json"), json!({"fps": 30, "side": "right", "frames": frames}).to_string())
+        let file = json!({"fps": 30, "side": "right", "tracker": tracker, "frames": frames});
+        write(&folder, &format!("{view}-{tracker}.json").replace('"', ""), file.to_string())
     };
-    let paths = [file(0), file(1)];
-    assert_seen(&paths, Side::Right, DVec2::ONE);
+    let paths = [0, 1].map(|view| file(view, json!("mediapipe")));
+    assert_eq!(assert_seen(&paths, Side::Right, DVec2::ONE).beside, &MEDIAPIPE_BESIDE);
+    for tracker in [Json::Null, json!("mine")] {
+        let others = [0, 1].map(|view| file(view, tracker.clone()));
+        assert!(assert_seen(&others, Side::Right, DVec2::ONE).beside.is_empty(), "{tracker}");
+        let error = read(&[paths[0].clone(), others[1].clone()], Side::Right).unwrap_err().to_string();
+        assert!(error.contains("another kind of tracker"), "{error}");
+    }
+    let error = read(&[file(0, json!(5)), paths[1].clone()], Side::Right).unwrap_err().to_string();
+    assert!(error.contains("tracker") && error.contains("give the tracker's name"), "{error}");
     let error = read(&paths, Side::Left).unwrap_err().to_string();
     assert!(error.contains("other hand"), "{error}");
 }

@@ -18,6 +18,8 @@ pub(super) struct Content {
     pub views: Views,
     /// How far landmarks of fingertips lie before the ends of the fingers, metres.
     pub tip_inset: f64,
+    /// Whether it is known to be MediaPipe's, whose landmarks of the palm lie beside the joints.
+    pub is_mediapipe: bool,
     /// Frames per second, if the file says.
     pub fps: Option<f64>,
     /// What the user should know.
@@ -37,7 +39,7 @@ pub(super) enum Views {
 
 impl Content {
     pub fn new(views: Views, tip_inset: f64) -> Content {
-        Content { views, tip_inset, fps: None, remarks: vec![] }
+        Content { views, tip_inset, is_mediapipe: false, fps: None, remarks: vec![] }
     }
 }
 

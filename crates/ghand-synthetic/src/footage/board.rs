@@ -2,7 +2,7 @@
 //! one camera after the other, tilted to all sides.
 
 use ghand_board::BoardKind;
-use ghand_board::picture::{MARGIN, is_black};
+use ghand_board::picture::{is_black, margin};
 use ghand_core::Camera;
 use ghand_core::rotation::rotation_from_axis_angle;
 use glam::{DMat3, DVec2, DVec3, Vec3};
@@ -116,7 +116,7 @@ impl Board {
     fn color(&self, eye: DVec3, direction: DVec3, light: f32) -> Option<Vec3> {
         let along = -eye.z / direction.z;
         let place = (eye + along * direction).truncate();
-        let margin = MARGIN * self.kind.side();
+        let margin = margin(&self.kind);
         let is_on = along > 0.0 && place.min_element() > -margin && (self.kind.size() - place).min_element() > -margin;
         if !is_on {
             return None;

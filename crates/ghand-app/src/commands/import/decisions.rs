@@ -76,8 +76,8 @@ fn cameras(imported: &Imported, args: &ImportArgs) -> Decision {
         Known::AllButTheUnit => "as given, without their unit of length",
         Known::Lenses if is_one => "lens as given",
         Known::Lenses => "lenses as given, places by the hand",
-        Known::Nothing if is_one && imported.sources[0].footage.focal_35mm().is_some() => {
-            "focal length of the pictures' Exif data"
+        Known::Nothing if is_one && imported.sources[0].footage.stated_focal().is_some() => {
+            "the focal length that the footage states"
         }
         Known::Nothing if is_one => "the focal length of most cameras",
         Known::Nothing => "by the hand",

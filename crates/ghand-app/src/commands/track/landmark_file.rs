@@ -20,7 +20,7 @@ pub(super) fn world_landmarks(footage: &Footage, hands: &SeenHands, side: Option
     file(footage, side, frame)
 }
 
-/// Landmarks in the images of a camera, pixels, in ghand's own form; the score is how sure it is that there is a hand.
+/// Landmarks in the images of a camera, pixels, in ghand's own form; they are MediaPipe's. The score is how sure it is that there is a hand.
 pub(super) fn image_landmarks(footage: &Footage, hands: &SeenHands, camera: &str, side: Side) -> Value {
     let frame = |number: usize| {
         let mut cameras = Map::new();
@@ -34,7 +34,9 @@ pub(super) fn image_landmarks(footage: &Footage, hands: &SeenHands, camera: &str
         frame.insert("image_landmarks".into(), Value::Object(cameras));
         Value::Object(frame)
     };
-    file(footage, Some(side), frame)
+    let mut file = file(footage, Some(side), frame);
+    file["tracker"] = json!("mediapipe");
+    file
 }
 
 fn file(footage: &Footage, side: Option<Side>, frame: impl Fn(usize) -> Value) -> Value {

@@ -79,6 +79,11 @@ impl Viewer {
                     session.error(&error);
                 }
             }
+            CommandId::Webcam => {
+                if let Err(error) = self.live.start_or_stop_webcam() {
+                    session.error(&error);
+                }
+            }
             CommandId::ResetAll => self.reset_all(),
             CommandId::Frame => stage.frame(subject),
             CommandId::ResetView => stage.reset_view(subject),
@@ -128,6 +133,7 @@ impl Viewer {
             | CommandId::ShowThumbnails
             | CommandId::SetKey
             | CommandId::LivePoses
+            | CommandId::Webcam
             | CommandId::ViewBack
             | CommandId::ViewPalm
             | CommandId::ViewThumbSide
@@ -190,6 +196,9 @@ impl Viewer {
                         if command.id == CommandId::Open {
                             self.recent_menu(ui);
                         }
+                        if command.id == CommandId::Webcam {
+                            self.webcam_menu(ui);
+                        }
                     }
                 });
             }
@@ -207,6 +216,26 @@ impl Viewer {
             let context = ui.ctx().clone();
             self.run(command.id, &context);
         }
+    }
+
+    /// The menu of cameras, if there are several.
+    fn webcam_menu(&mut self, ui: &mut Ui) {
+        let cameras = self.live.cameras(ui.ctx());
+        if cameras.len() < 2 {
+            return;
+        }
+        ui.menu_button("Choose webcam", |ui| {
+            for camera in cameras {
+                let name = camera.name();
+                let is_open = self.live.webcam_name() == Some(&name);
+                if ui.add(Button::new(name).selected(is_open)).clicked() {
+                    ui.close();
+                    if let Err(error) = self.live.open_webcam(camera) {
+                        self.session.error(&error);
+                    }
+                }
+            }
+        });
     }
 
     /// The state of a command that switches something on and off.
@@ -227,7 +256,8 @@ impl Viewer {
             CommandId::CapturePoses => {
                 Some(self.document.capture().is_some_and(|capture| capture.poses().are_of_training()))
             }
-            CommandId::LivePoses => Some(self.live.live().is_some()),
+            CommandId::LivePoses => Some(self.live.is_open()),
+            CommandId::Webcam => Some(self.live.webcam_name().is_some()),
             _ => None,
         }
     }

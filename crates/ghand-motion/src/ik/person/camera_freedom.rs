@@ -7,20 +7,37 @@ use nalgebra::{DMatrix, DVector};
 
 /// Numbers of a camera: a turn about its own axes, a shift along these, the logarithm of the focal length.
 pub(crate) const NUMBERS: usize = 7;
-/// Standard deviation of the logarithm of a focal length from the usual one.
-const FOCAL_DEVIATION: f64 = 0.25;
-/// The same of a rig's focal lengths from one another: most rigs have cameras of one kind.
-const FOCAL_SPREAD: f64 = 0.01;
 /// Weight of what is known exactly: the place of the first camera.
 const EXACT: f64 = 1e12;
 /// A step of this size of any number is large.
 const LARGE: f64 = 0.1;
 
+/// A focal length before any landmark is seen.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct UsualFocal {
+    /// The likeliest one, pixels.
+    pub pixels: f64,
+    /// Standard deviation of the logarithm.
+    pub deviation: f64,
+}
+
+impl UsualFocal {
+    /// Standard deviation where footage does not state the focal length.
+    pub const UNSTATED: f64 = 0.25;
+
+    /// Standard deviation of the logarithms of a rig's focal lengths, relative to their likeliest ones, from one another. Most
+    /// rigs have cameras of one kind; where only some state their focal length, they have not.
+    pub fn spread(focals: &[UsualFocal]) -> f64 {
+        let are_alike = focals.windows(2).all(|pair| pair[0].deviation == pair[1].deviation);
+        if are_alike { 0.01 } else { 0.1 }
+    }
+}
+
 /// What is known of cameras that are fitted.
 #[derive(Debug, Clone)]
 pub(crate) struct CameraFreedom {
-    /// The likeliest focal length of each camera, pixels.
-    pub usual_focals: Vec<f64>,
+    /// The likeliest focal length of each camera.
+    pub usual_focals: Vec<UsualFocal>,
     /// Whether focal lengths stay as they are.
     pub focals_are_known: bool,
 }
@@ -60,7 +77,7 @@ impl CameraFreedom {
     /// Logarithms of the focal lengths relative to the usual ones, and their mean.
     fn zooms(&self, cameras: &[Camera]) -> (Vec<f64>, f64) {
         let zooms: Vec<f64> =
-            cameras.iter().zip(&self.usual_focals).map(|(c, usual)| (c.focal.x / usual).ln()).collect();
+            cameras.iter().zip(&self.usual_focals).map(|(c, usual)| (c.focal.x / usual.pixels).ln()).collect();
         let mean = zooms.iter().sum::<f64>() / zooms.len().max(1) as f64;
         (zooms, mean)
     }
@@ -71,7 +88,10 @@ impl CameraFreedom {
             return 0.0;
         }
         let (zooms, mean) = self.zooms(cameras);
-        zooms.iter().map(|zoom| (zoom / FOCAL_DEVIATION).powi(2) + ((zoom - mean) / FOCAL_SPREAD).powi(2)).sum()
+        let spread = UsualFocal::spread(&self.usual_focals);
+        let cost =
+            |(zoom, usual): (&f64, &UsualFocal)| (zoom / usual.deviation).powi(2) + ((zoom - mean) / spread).powi(2);
+        zooms.iter().zip(&self.usual_focals).map(cost).sum()
     }
 
     /// Adds the same to equations whose unknowns from `first` on are the cameras'.
@@ -79,16 +99,18 @@ impl CameraFreedom {
         (first..first + NUMBERS - 1).for_each(|k| matrix[(k, k)] += EXACT);
         let (zooms, mean) = self.zooms(cameras);
         let place = |camera: usize| first + NUMBERS * camera + NUMBERS - 1;
-        for (camera, zoom) in zooms.iter().enumerate() {
+        let spread = UsualFocal::spread(&self.usual_focals).powi(-2);
+        for (camera, (zoom, usual)) in zooms.iter().zip(&self.usual_focals).enumerate() {
             let row = place(camera);
             if self.focals_are_known {
                 matrix[(row, row)] += EXACT;
                 continue;
             }
-            matrix[(row, row)] += FOCAL_DEVIATION.powi(-2) + FOCAL_SPREAD.powi(-2);
-            gradient[row] += zoom * FOCAL_DEVIATION.powi(-2) + (zoom - mean) * FOCAL_SPREAD.powi(-2);
+            let weight = usual.deviation.powi(-2);
+            matrix[(row, row)] += weight + spread;
+            gradient[row] += zoom * weight + (zoom - mean) * spread;
             for other in 0..zooms.len() {
-                matrix[(row, place(other))] -= FOCAL_SPREAD.powi(-2) / zooms.len() as f64;
+                matrix[(row, place(other))] -= spread / zooms.len() as f64;
             }
         }
     }

@@ -6,6 +6,7 @@ use glam::{DMat3, DVec2};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use super::camera_freedom::UsualFocal;
 use super::sightings::{Sighting, SightingPosition, WRONG};
 use super::*;
 use crate::image_landmarks::MEDIAPIPE_BESIDE;
@@ -224,7 +225,8 @@ fn cameras_come_back_together_with_the_hand() {
         let seen = person.in_images(&mut ChaCha8Rng::seed_from_u64(200 + seed), &truth);
         let off = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -0.05, 0.08, -0.06, 0.05, 0.03, -0.04, 0.05, -0.08];
         let start = CameraFreedom::moved(&truth, &off);
-        let freedom = CameraFreedom { usual_focals: vec![650.0; 2], focals_are_known: false };
+        let usual = UsualFocal { pixels: 650.0, deviation: UsualFocal::UNSTATED };
+        let freedom = CameraFreedom { usual_focals: vec![usual; 2], focals_are_known: false };
         let angle = |cameras: &[Camera]| {
             let ((turn, place), (true_turn, true_place)) = (relative(cameras), relative(&truth));
             let between = axis_angle_from_rotation(&(turn * true_turn.transpose())).length();

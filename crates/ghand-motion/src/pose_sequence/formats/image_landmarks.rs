@@ -7,7 +7,8 @@
 //! follows from their size. A score is how sure the tracker is, from 0 to 1. `null` or NaN stands for a point that was
 //! not found, as does a camera that is missing.
 //!
-//! Landmarks of fingertips are taken for MediaPipe's, which lie inside the finger, unless the file has `"tips":"skin"`.
+//! Landmarks of fingertips are taken for MediaPipe's, which lie inside the finger, unless the file has `"tips":"skin"`. Those
+//! of the palm are taken for joints, unless the file has `"tracker":"mediapipe"`, as `ghand track` writes.
 
 use ghand_core::Side;
 use ghand_files::npz::NumericArray;
@@ -21,18 +22,22 @@ use crate::pose_sequence::reading::source::{frames_of, id_of, shown, side_of};
 use crate::pose_sequence::{Motion, PoseError, Recording, Skipped, Source};
 
 const NAMES: [&str; 2] = ["image_landmarks", "imageLandmarks"];
+/// The tracker whose landmarks of the palm are known to lie beside the joints.
+const MEDIAPIPE: &str = "mediapipe";
 
 /// The content of such a file.
 pub(crate) struct OwnLandmarks {
     pub side: Option<Side>,
     /// How far landmarks of fingertips lie before the ends of the fingers, metres.
     pub tip_inset: f64,
+    /// Whether MediaPipe found them, so that those of the palm lie beside their joints.
+    pub is_mediapipe: bool,
     pub frames: Vec<ImageFrame>,
 }
 
 pub(crate) fn read(source: &Source, value: &Value) -> Option<Result<Recording, PoseError>> {
     let found = frames(source.origin, value)?;
-    Some(found.map(|OwnLandmarks { side, tip_inset, frames }| {
+    Some(found.map(|OwnLandmarks { side, tip_inset, frames, .. }| {
         let motion = Motion::ImageLandmarks { frames, tip_inset };
         Recording { side, usual_fps: None, motion, skipped: Skipped::default(), warnings: vec![] }
     }))
@@ -61,9 +66,19 @@ fn landmarks(origin: &str, value: &Value, frames: &[Value]) -> Result<OwnLandmar
             return Err(invalid(origin, "tips", problem));
         }
     };
+    let is_mediapipe = match value.get("tracker") {
+        None | Some(Value::Nothing) => false,
+        Some(tracker) => match tracker.text() {
+            Some(name) => name.eq_ignore_ascii_case(MEDIAPIPE),
+            None => {
+                let problem = format!("is {}; give the tracker's name, as \"{MEDIAPIPE}\", or omit it", shown(tracker));
+                return Err(invalid(origin, "tracker", problem));
+            }
+        },
+    };
     let side = side(value).or_else(|| frames.iter().find_map(side));
     let frames = frames.iter().enumerate().map(|(number, frame)| image_frame(origin, frame, number));
-    Ok(OwnLandmarks { side, tip_inset, frames: frames.collect::<Result<_, PoseError>>()? })
+    Ok(OwnLandmarks { side, tip_inset, is_mediapipe, frames: frames.collect::<Result<_, PoseError>>()? })
 }
 
 fn invalid(origin: &str, field: &str, problem: String) -> PoseError {

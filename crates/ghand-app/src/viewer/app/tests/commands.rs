@@ -2,6 +2,7 @@
 
 use egui::accesskit::Role;
 use egui::{Key, Modifiers};
+use egui_kittest::kittest::NodeT;
 
 use super::*;
 use ghand_avatar::view_side::ViewSide;
@@ -13,6 +14,14 @@ fn viewer() -> Headless {
 }
 
 impl Headless {
+    /// Opens a menu, or one in it.
+    pub(super) fn open_menu(&mut self, title: &str) {
+        let is_button = |node: &egui_kittest::Node| node.accesskit_node().role() == Role::Button;
+        let found = self.harness.query_all_by_label_contains(title).find(is_button);
+        found.unwrap_or_else(|| panic!("no menu {title}")).click();
+        (0..2).for_each(|_| self.harness.step());
+    }
+
     /// Presses a key and shows two frames.
     pub(super) fn press(&mut self, modifiers: Modifiers, key: Key) {
         self.harness.key_press_modifiers(modifiers, key);

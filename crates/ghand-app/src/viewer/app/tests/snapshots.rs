@@ -3,6 +3,7 @@
 use egui::{Key, Modifiers, Rect, TexturesDelta};
 use egui_kittest::TestRenderer;
 use egui_wgpu::ScreenDescriptor;
+use ghand_footage::LiveSource;
 use ghand_test_support::golden;
 use image::{Rgb, RgbImage};
 
@@ -117,6 +118,21 @@ impl Headless {
     }
 }
 
+/// Films that stand for two cameras; `None` without ffmpeg.
+fn two_films(folder: &Path) -> Option<Vec<LiveSource>> {
+    if !ghand_test_support::ffmpeg() {
+        return None;
+    }
+    let film = |name: &str| {
+        let path = folder.join(name);
+        let mut ffmpeg = std::process::Command::new("ffmpeg");
+        ffmpeg.args(["-v", "error", "-f", "lavfi", "-i", "color=gray:s=64x48:d=0.2", "-c:v", "ffv1"]).arg(&path);
+        assert!(ffmpeg.status().unwrap().success());
+        LiveSource::video(&path).unwrap()
+    };
+    Some(["a.mkv", "b.mkv"].map(film).into())
+}
+
 /// A hand with a motion.
 fn hand() -> Headless {
     let mut hand = small_hand();
@@ -160,6 +176,18 @@ fn dialogs_look_as_before() {
         ui.press(Modifiers::NONE, Key::Escape);
         ui.rest();
     }
+}
+
+#[test]
+fn the_menu_of_poses_looks_as_before() {
+    let folder = tempfile::tempdir().unwrap();
+    let Some(cameras) = two_films(folder.path()) else { return };
+    let mut ui = hand();
+    ui.viewer().live.set_cameras(cameras);
+    ui.rest();
+    ui.open_menu("Pose");
+    ui.rest();
+    golden::check("viewer-pose-menu", &ui.screen());
 }
 
 #[test]

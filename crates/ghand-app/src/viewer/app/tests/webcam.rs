@@ -171,6 +171,63 @@ fn a_moving_hand_is_followed_until_the_user_holds_or_stops_it() {
     assert!(ui.shows("film of a hand.mkv"));
 }
 
+/// A viewer that takes videos for the connected cameras.
+fn viewer_with_cameras(cameras: &[&Path]) -> Headless {
+    let mut ui = Headless::new(Subject::Hand(Box::new(small_hand())), vec2(760.0, 900.0), 0.1);
+    ui.frame(Vec::new());
+    let cameras = cameras.iter().map(|path| LiveSource::video(path).unwrap()).collect();
+    ui.viewer().live.set_cameras(cameras);
+    ui
+}
+
+#[test]
+fn the_menu_opens_a_chosen_webcam_and_closes_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let Some(path) = film(folder.path(), TURNING) else { return };
+    let other = folder.path().join("another camera.mkv");
+    std::fs::copy(&path, &other).unwrap();
+    let mut ui = viewer_with_cameras(&[&path, &other]);
+    let first = ui.hand().pose.clone();
+    let open = |ui: &mut Headless, name: &str| {
+        for title in ["Pose", "Choose webcam"] {
+            ui.open_menu(title);
+        }
+        let entry = ui.harness.query_all_by_label_contains(name).next().unwrap();
+        entry.click();
+        (0..3).for_each(|_| _ = ui.frame(Vec::new()));
+    };
+    open(&mut ui, "another camera.mkv");
+    ui.until("the hand is driven", |ui| ui.is_driven() && ui.hand().pose != first);
+    assert!(ui.viewer().live.webcam_name().unwrap().ends_with("another camera.mkv"));
+    // The port is another entry's.
+    assert!(!ui.viewer().live.is_open());
+    open(&mut ui, "film of a hand.mkv");
+    assert!(ui.viewer().live.webcam_name().unwrap().ends_with("film of a hand.mkv"));
+    assert_eq!(readers(&other).len(), 0);
+    let keys = egui::Modifiers::COMMAND | egui::Modifiers::SHIFT;
+    ui.press(keys, egui::Key::L);
+    assert!(ui.viewer().live.live().is_none() && readers(&path).is_empty());
+    // The one that was chosen last.
+    ui.press(keys, egui::Key::L);
+    assert!(ui.viewer().live.webcam_name().unwrap().ends_with("film of a hand.mkv"));
+    // One camera is no choice.
+    let mut ui = viewer_with_cameras(&[&path]);
+    ui.open_menu("Pose");
+    assert!(ui.shows("Webcam") && !ui.shows("Choose webcam"));
+}
+
+#[test]
+fn a_computer_without_a_camera_is_told() {
+    if !LiveSource::cameras().is_empty() {
+        return;
+    }
+    let mut ui = viewer_with_cameras(&[]);
+    ui.press(egui::Modifiers::COMMAND | egui::Modifiers::SHIFT, egui::Key::L);
+    ui.frame(Vec::new());
+    assert!(ui.shows("first camera: there is none; connect one"));
+    assert!(ui.viewer().live.live().is_none());
+}
+
 #[test]
 fn without_a_hand_the_pose_stays() {
     let folder = tempfile::tempdir().unwrap();
