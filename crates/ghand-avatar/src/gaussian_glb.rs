@@ -1,6 +1,6 @@
 //! An avatar's Gaussians in a glTF file: as `KHR_gaussian_splatting` draws them at rest, with skinning weights, and as
 //! `GHAND_gaussian_avatar`, which has the avatar's own file in a view of the buffer: ghand plays it exactly.
-//! `docs/GHAND_gaussian_avatar.md` describes the extension.
+//! `extensions/GHAND_gaussian_avatar/README.md` describes the extension.
 //!
 //! The Gaussians are in a scene of their own, the second: programs that do not know them show the first, and those that know
 //! only `KHR_gaussian_splatting` do not draw a still hand over one that moves.
