@@ -1,8 +1,12 @@
 //! Pages with the player for avatars, as a file of its own or for a server. The player in `web/dist/` is built by
 //! `make web`.
 
+use std::io::Write;
+
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
+use flate2::Compression;
+use flate2::write::GzEncoder;
 use maud::{DOCTYPE, PreEscaped, html};
 
 /// The player's script, an ES module.
@@ -54,6 +58,14 @@ pub struct PlayerPage {
     pub poster: Option<Source>,
 }
 
+/// Bytes in a third of the space, by gzip.
+fn zipped(bytes: &[u8]) -> Vec<u8> {
+    let mut encoder = GzEncoder::new(Vec::new(), Compression::best());
+    // A list in memory takes all bytes.
+    let _ = encoder.write_all(bytes);
+    encoder.finish().unwrap_or_default()
+}
+
 impl PlayerPage {
     /// The page with the player beside it, as `ghand-avatar.js` and `ghand.wasm`.
     pub fn beside_player(&self) -> String {
@@ -62,11 +74,13 @@ impl PlayerPage {
 
     /// The page with the player inside: it needs no other file.
     pub fn self_contained(&self) -> String {
-        let wasm = Source::Inside { kind: "application/wasm", bytes: WASM.to_vec() }.url();
+        let wasm = Source::Inside { kind: "application/gzip", bytes: zipped(WASM) }.url();
+        let unzipped = "(zipped) => new Response(zipped.body.pipeThrough(new DecompressionStream(\"gzip\")), \
+                        { headers: { \"Content-Type\": \"application/wasm\" } })";
         // A script ends at its end tag, also within a string.
         let script = SCRIPT.replace("</script", "<\\/script");
         self.html(&html! {
-            script { (PreEscaped(format!("globalThis.ghandWasm = \"{wasm}\";"))) }
+            script { (PreEscaped(format!("globalThis.ghandWasm = fetch(\"{wasm}\").then({unzipped});"))) }
             script type="module" { (PreEscaped(script)) }
         })
     }

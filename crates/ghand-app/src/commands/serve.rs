@@ -1,7 +1,7 @@
 //! `ghand serve`: shows avatars in a browser on this computer.
 
 use std::io::{self, Read, Write};
-use std::net::{Ipv4Addr, TcpListener, TcpStream};
+use std::net::{Ipv4Addr, Shutdown, TcpListener, TcpStream};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -21,6 +21,8 @@ use crate::web_page::{PlayerPage, SCRIPT, Source, WASM};
 const LARGEST_HEAD: usize = 16 << 10;
 /// Most headers of a request.
 const MOST_HEADERS: usize = 100;
+/// Most bytes of a request that are taken after the answer.
+const MOST_LEFT: u64 = 1 << 20;
 /// A client that is silent for this long is disconnected.
 const SILENCE: Duration = Duration::from_secs(5);
 /// Most connections at once.
@@ -143,7 +145,9 @@ fn answer(mut stream: TcpStream, files: &[Served]) -> io::Result<()> {
     if !is_head {
         stream.write_all(bytes)?;
     }
-    stream.flush()
+    stream.shutdown(Shutdown::Write)?;
+    // What is left of the request is taken: a connection that is closed before is reset, and the answer lost.
+    io::copy(&mut stream.take(MOST_LEFT), &mut io::sink()).map(drop)
 }
 
 /// The status of a request, and the file that it asks for.

@@ -189,3 +189,40 @@ fn what_a_format_does_not_have_is_refused_by_name() {
     }
     assert_eq!(listing(folder), before);
 }
+
+/// The bytes of the first data address of a kind in a page.
+fn inside(page: &str, kind: &str) -> Vec<u8> {
+    use base64::Engine;
+    let (_, rest) = page.split_once(&format!("data:{kind};base64,")).unwrap();
+    let text: String = rest.chars().take_while(|c| c.is_ascii_alphanumeric() || "+/=".contains(*c)).collect();
+    base64::engine::general_purpose::STANDARD.decode(text).unwrap()
+}
+
+#[test]
+fn a_page_has_avatar_motion_picture_and_player_inside() {
+    use std::io::Read;
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    save_avatar(folder);
+    said(folder, &["export", "hand.ghand", "--pose", "count", "--out", "count.html"]);
+    let page = std::fs::read_to_string(folder.join("count.html")).unwrap();
+    assert!(page.contains(r#"motion="count""#) && page.contains("<ghand-avatar"), "{}", &page[..400]);
+    assert_eq!(inside(&page, "application/octet-stream"), std::fs::read(folder.join("hand.ghand")).unwrap());
+    let mut wasm = Vec::new();
+    flate2::read::GzDecoder::new(&inside(&page, "application/gzip")[..]).read_to_end(&mut wasm).unwrap();
+    assert!(wasm.starts_with(b"\0asm"));
+    let poster = image::load_from_memory(&inside(&page, "image/png")).unwrap().into_rgb8();
+    let background = *poster.get_pixel(0, 0);
+    assert!(poster.pixels().filter(|pixel| **pixel != background).count() > 20_000, "the picture is empty");
+    // No other file is named: each address is inside.
+    assert!(!page.contains(r#"src="ghand-avatar.js""#) && page.matches("<script").count() == 2);
+    // A file of poses is inside, too.
+    said(folder, &["pose", "--pose", "wave", "--for", "hand.ghand", "--out", "wave.json"]);
+    said(folder, &["export", "hand.ghand", "--pose", "wave.json", "--out", "wave.html"]);
+    let page = std::fs::read_to_string(folder.join("wave.html")).unwrap();
+    let poses: serde_json::Value = serde_json::from_slice(&inside(&page, "application/json")).unwrap();
+    assert!(poses["frames"].as_array().unwrap().len() > 10);
+    let refused = run(GHAND, folder, &["export", "hand.ghand", "--texture", "512", "--out", "a.html"]);
+    assert_one_sentence(&refused, &["--texture", ".html"]);
+    assert!(!listing(folder).contains(&"a.html".to_owned()));
+}
