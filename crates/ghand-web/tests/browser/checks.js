@@ -9,6 +9,15 @@ const event = (target, name) => new Promise((resolve) => target.addEventListener
 const messageOf = (promise) => promise.then(() => "nothing", (error) => error.message);
 const thrown = (act) => { try { act(); return "nothing"; } catch (error) { return error.message; } };
 
+// Waits for something that a busy machine may do late.
+async function until(condition, text) {
+  for (let k = 0; k < 400; k += 1) {
+    if (condition()) return;
+    await new Promise((resolve) => setTimeout(resolve, 50));
+  }
+  throw new Error(text);
+}
+
 function make(attributes) {
   const element = document.createElement("ghand-avatar");
   Object.entries(attributes).forEach(([name, value]) => element.setAttribute(name, value));
@@ -142,8 +151,7 @@ const checks = {
     assert(one.hands.length === 1 && two.hands.length === 2, "the hands are not there");
     const alone = await one.picture(SIZE);
     const moving = two.playback(1).time;
-    await new Promise((resolve) => setTimeout(resolve, 1500));
-    assert(two.playback(1).time !== moving, "time does not pass");
+    await until(() => two.playback(1).time !== moving, "time does not pass");
     two.pose("fist", { hand: 0, seconds: 0 });
     assert(two.playback(0) === null && two.playback(1) !== null, "the other hand has stopped");
     assert(difference(alone, await one.picture(SIZE)) === 0, "the first player has changed");
@@ -178,10 +186,7 @@ const checks = {
 
   async socket() {
     const element = await shown({ src: "demo.ghand", connect: `ws://${location.host}/socket` });
-    for (let k = 0; k < 100 && Math.abs(element.joints()[15] - 0.25) > 1e-6; k += 1) {
-      await new Promise((resolve) => setTimeout(resolve, 100));
-    }
-    assert(Math.abs(element.joints()[15] - 0.25) < 1e-6, "the socket's packet did not arrive");
+    await until(() => Math.abs(element.joints()[15] - 0.25) < 1e-6, "the socket's packet did not arrive");
     element.remove();
   },
 
@@ -234,14 +239,13 @@ const checks = {
     rotations[4] = [0.3, 0, 0];
     const poses = JSON.stringify({ fps: 10, frames: [{ pose: rotations }, { pose: rotations }] });
     drop(new File([poses], "poses.json"));
-    for (let k = 0; k < 50 && !element.playback(); k += 1) await new Promise((resolve) => setTimeout(resolve, 50));
+    await until(() => element.playback(), "the poses are not read");
     assert(Math.abs(element.joints()[12] - 0.3) < 1e-6, "the poses are not played");
     const failed = event(element, "error");
     drop(new File(["nothing"], "hand.ghand"));
     const { detail } = await failed;
     drop(new File([await (await fetch("demo.ghand")).arrayBuffer()], "hand.ghand"));
-    for (let k = 0; k < 50 && element.hands.length === 0; k += 1) await new Promise((resolve) => setTimeout(resolve, 50));
-    assert(element.hands.length === 1, "the avatar is not shown");
+    await until(() => element.hands.length === 1, "the avatar is not shown");
     element.remove();
     return detail.message;
   },
@@ -263,8 +267,8 @@ const checks = {
     const [pose] = panel.querySelectorAll("select");
     pose.value = "fist";
     pose.dispatchEvent(new Event("change"));
-    await new Promise((resolve) => setTimeout(resolve, 900));
-    assert(element.joints().some((value) => Math.abs(value) > 0.5), "the panel does not pose the hand");
+    const posed = () => element.joints().some((value) => Math.abs(value) > 0.5);
+    await until(posed, "the panel does not pose the hand");
     element.removeAttribute("controls");
     assert(!element.shadowRoot.querySelector(".controls"), "the panel stays");
     element.remove();
