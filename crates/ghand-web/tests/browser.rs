@@ -266,14 +266,15 @@ fn bad_input_is_one_sentence() {
         ("motion", "count"),
         ("file", "poses.json"),
         ("mediapipe", "mediapipe"),
-        ("served", "hand_landmarker.task"),
+        // Whichever is missing first: without a GPU there may be no WebGL 2.
+        ("served", "hand_landmarker.task|WebGL 2"),
         ("picture", "0 x 10"),
         ("elsewhere", "Access-Control-Allow-Origin"),
         ("closed", "closed"),
     ];
     for (case, words) in expected {
         let text = said[case].as_str().unwrap();
-        assert!(text.contains(words) && !text.contains('\n'), "{case}: {text}");
+        assert!(words.split('|').any(|words| text.contains(words)) && !text.contains('\n'), "{case}: {text}");
     }
     assert_eq!(said.as_object().unwrap().len(), expected.len());
 }
