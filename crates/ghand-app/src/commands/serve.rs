@@ -25,6 +25,8 @@ const MOST_HEADERS: usize = 100;
 const MOST_LEFT: u64 = 1 << 20;
 /// A client that is silent for this long is disconnected.
 const SILENCE: Duration = Duration::from_secs(5);
+/// After a failed call of the system, so that a lasting failure does not use up a processor.
+const AFTER_FAILURE: Duration = Duration::from_millis(50);
 /// Most connections at once.
 const MOST_CONNECTIONS: usize = 32;
 
@@ -61,7 +63,11 @@ pub fn run(args: &ServeArgs) -> anyhow::Result<()> {
     let port = listener.local_addr().context("the server's own address")?.port();
     say!("http://localhost:{port}/ shows {}; Ctrl-C ends it", names(&args.avatars));
     let open = Arc::new(AtomicUsize::new(0));
-    for stream in listener.incoming().flatten() {
+    for stream in listener.incoming() {
+        let Ok(stream) = stream else {
+            thread::sleep(AFTER_FAILURE);
+            continue;
+        };
         if open.fetch_add(1, Ordering::Relaxed) >= MOST_CONNECTIONS {
             open.fetch_sub(1, Ordering::Relaxed);
             continue;

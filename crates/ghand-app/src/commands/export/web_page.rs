@@ -1,6 +1,5 @@
 //! An avatar as a page with the player, complete in one file.
 
-use std::io::Cursor;
 use std::path::Path;
 
 use anyhow::Context;
@@ -12,10 +11,11 @@ use ghand_motion::pose_sequence::formats::ghand::poses_json;
 use ghand_render::splat::{Image, Purpose};
 use ghand_render::{DeviceError, Gpu, RenderError};
 use ghand_web::stage::Stage;
-use image::{ImageFormat, RgbImage};
+use image::RgbImage;
 
 use super::ExportArgs;
 use crate::cli::AdapterArgs;
+use crate::html_page::data_url;
 use crate::pose_choice::is_name;
 use crate::say;
 use crate::web_page::{BACKGROUND, PlayerPage, Source};
@@ -42,7 +42,7 @@ pub fn write(args: &ExportArgs, out: &Path, adapter: &AdapterArgs) -> anyhow::Re
     let first = sequence.frames.first().map(|frame| frame.pose.clone());
     if POSE_NAMES.contains(&text) {
         page.pose = Some(text.to_owned());
-    } else if is_name(text) && args.frame.is_none() {
+    } else if is_name(text) && args.frame.is_none() && args.reading_poses.fps.is_none() {
         page.motion = Some(Source::At(text.to_owned()));
     } else {
         let bytes = poses_json(&sequence, &avatar.model).into_bytes();
@@ -74,9 +74,7 @@ fn poster(avatar: Avatar, pose: Option<Pose>, adapter: &AdapterArgs) -> anyhow::
     let byte = |value: f32| (value.clamp(0.0, 1.0) * 255.0).round() as u8;
     let bytes = image.rgba.iter().flat_map(|[r, g, b, _]| [*r, *g, *b].map(byte)).collect();
     let image = RgbImage::from_raw(image.width, image.height, bytes).context("the picture has another size")?;
-    let mut png = Cursor::new(Vec::new());
-    image.write_to(&mut png, ImageFormat::Png)?;
-    Ok(Some(Source::Inside { kind: "image/png", bytes: png.into_inner() }))
+    Ok(Some(Source::At(data_url(&image)?)))
 }
 
 fn picture(gpu: &Gpu, stage: &Stage, pose: Option<Pose>) -> Result<Image, RenderError> {
