@@ -26,6 +26,7 @@ export class GhandAvatar extends HTMLElement {
   #loading = null;
   #frame = 0;
   #drawn = false;
+  #settling = false;
   #before = 0;
   #visible = true;
   #stopLive = null;
@@ -348,8 +349,8 @@ export class GhandAvatar extends HTMLElement {
   // The player has other hands.
   #arrived() {
     this.#hands = Array.from({ length: this.#player.count() }, (_, k) => JSON.parse(this.#player.describe(k)));
+    this.#named = { pose: "", motion: "" };
     this.#say("");
-    this.#describe();
     this.#controls?.update();
     this.#drawn = false;
     this.#resize();
@@ -451,6 +452,7 @@ export class GhandAvatar extends HTMLElement {
   }
 
   #invalidate() {
+    this.#settling = false;
     if (this.#frame || !this.#player || !this.#visible) return;
     this.#before = 0;
     this.#frame = requestAnimationFrame((now) => this.#step(now));
@@ -459,7 +461,7 @@ export class GhandAvatar extends HTMLElement {
   #step(now) {
     this.#frame = 0;
     if (!this.#player || !this.#visible) return;
-    if (this.#player.busy()) {
+    if (this.#player.busy() || (this.#settling && !this.#player.idle())) {
       this.#frame = requestAnimationFrame((next) => this.#step(next));
       return;
     }
@@ -474,7 +476,10 @@ export class GhandAvatar extends HTMLElement {
       }
       this.#controls?.stepped();
       this.dispatchEvent(new CustomEvent("frame"));
-      if (moves || again) this.#frame = requestAnimationFrame((next) => this.#step(next));
+      // Whether a picture lacked Gaussians is known when the device has drawn it: a still one is drawn once more then.
+      const wasSettling = this.#settling;
+      this.#settling = !moves && !again;
+      if (!wasSettling || !this.#settling) this.#frame = requestAnimationFrame((next) => this.#step(next));
     } catch (error) {
       this.#drawingFailed(textOf(error));
     }
@@ -541,7 +546,7 @@ export class GhandAvatar extends HTMLElement {
     this.#canvas.setAttribute("aria-label", this.getAttribute("alt") ?? (hands ? `Avatar of ${hands}` : "Avatar of a hand"));
     const poster = this.getAttribute("poster");
     const shows = poster && !this.#player;
-    this.#canvas.style.backgroundImage = shows ? `url("${CSS.escape ? poster.replace(/["\\]/g, "\\$&") : poster}")` : "";
+    this.#canvas.style.backgroundImage = shows ? `url("${poster.replace(/["\\]/g, "\\$&")}")` : "";
   }
 
   #showControls() {

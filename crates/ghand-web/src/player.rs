@@ -51,6 +51,8 @@ pub struct Player {
     /// Whether poses, light or places of hands have changed since they were given to the device.
     posed: bool,
     underway: Arc<AtomicU32>,
+    /// The size that the canvas is prepared for.
+    configured: Option<[u32; 2]>,
     /// What pictures are drawn with; taken out while one is drawn.
     pictures: Rc<RefCell<Option<PictureScene>>>,
 }
@@ -111,6 +113,7 @@ impl Player {
             drawing: None,
             posed: false,
             underway,
+            configured: None,
             pictures,
         })
     }
@@ -392,24 +395,18 @@ impl Player {
         self.underway.load(Ordering::Relaxed) >= MOST_UNDERWAY
     }
 
+    /// Whether the device has drawn all pictures.
+    pub fn idle(&self) -> bool {
+        self.underway.load(Ordering::Relaxed) == 0
+    }
+
     /// Draws the stage in the canvas's own size. Says whether the picture must be drawn again, because it lacks Gaussians.
     pub fn draw(&mut self) -> Result<bool, JsError> {
         self.gpu.check().map_err(js_error)?;
         let size = [self.canvas.width().clamp(1, LARGEST_EDGE), self.canvas.height().clamp(1, LARGEST_EDGE)];
-        self.surface.configure(
-            &self.gpu.device,
-            &wgpu::SurfaceConfiguration {
-                usage: wgpu::TextureUsages::RENDER_ATTACHMENT,
-                format: self.format,
-                width: size[0],
-                height: size[1],
-                present_mode: wgpu::PresentMode::Fifo,
-                desired_maximum_frame_latency: 2,
-                alpha_mode: wgpu::CompositeAlphaMode::PreMultiplied,
-                view_formats: vec![],
-                color_space: Default::default(),
-            },
-        );
+        if self.configured != Some(size) {
+            self.configure(size);
+        }
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
         let mut grown = false;
         if let Some(camera) = self.stage.camera(size) {
@@ -481,12 +478,32 @@ impl Player {
         self.stage.hands().iter().map(shown).collect()
     }
 
+    /// Prepares the canvas for pictures of a size.
+    fn configure(&mut self, size: [u32; 2]) {
+        self.surface.configure(
+            &self.gpu.device,
+            &wgpu::SurfaceConfiguration {
+                usage: wgpu::TextureUsages::RENDER_ATTACHMENT,
+                format: self.format,
+                width: size[0],
+                height: size[1],
+                present_mode: wgpu::PresentMode::Fifo,
+                desired_maximum_frame_latency: 2,
+                alpha_mode: wgpu::CompositeAlphaMode::PreMultiplied,
+                view_formats: vec![],
+                color_space: Default::default(),
+            },
+        );
+        self.configured = Some(size);
+    }
+
     /// Encodes posing and drawing; says whether buffers have grown, so that the picture must be drawn again.
     fn encode_hands(&mut self, camera: &Camera, encoder: &mut wgpu::CommandEncoder) -> Result<bool, RenderError> {
-        let shown = self.shown();
         let size = [camera.width, camera.height];
         let fits = |drawing: &Drawing| drawing.largest[0] >= size[0] && drawing.largest[1] >= size[1];
-        if !self.drawing.as_ref().is_some_and(fits) {
+        let has_room = self.drawing.as_ref().is_some_and(fits);
+        let shown = if has_room && self.posed { vec![] } else { self.shown() };
+        if !has_room {
             let largest = size.map(|edge| edge.next_multiple_of(SIZE_STEP));
             let scene = scene_of(&self.gpu, &shown, largest)?;
             let layer = self.pass.layer(&self.gpu, scene.splatter())?;
