@@ -119,7 +119,18 @@ macro_rules! say {
 
 /// See [`say!`].
 pub fn say(line: std::fmt::Arguments) {
-    note(writeln!(io::stdout(), "{line}"));
+    match LISTENER.get() {
+        Some(listener) => listener(&line.to_string()),
+        None => note(writeln!(io::stdout(), "{line}")),
+    }
+}
+
+/// What takes the lines of [`say!`] instead of stdout.
+static LISTENER: OnceLock<fn(&str)> = OnceLock::new();
+
+/// Gives the lines that commands print to `listener` from now on, for a program that runs them inside itself.
+pub fn send_lines_to(listener: fn(&str)) {
+    LISTENER.get_or_init(|| listener);
 }
 
 /// Ends the program at once like an error of [`run`], for places that cannot return an error.
@@ -129,7 +140,7 @@ pub fn end(error: &anyhow::Error) -> ! {
 }
 
 /// An error with its causes, joined by ": ". Causes that a message already contains are not repeated.
-pub(crate) fn sentence(error: &anyhow::Error) -> String {
+pub fn sentence(error: &anyhow::Error) -> String {
     let mut text = String::new();
     for cause in error.chain().map(|c| one_line(&c.to_string())) {
         if text.is_empty() {

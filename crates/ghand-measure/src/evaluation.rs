@@ -1,5 +1,7 @@
 //! Compares an avatar with images that training did not see.
 
+use std::ops::ControlFlow;
+
 use ghand_avatar::{Avatar, Scene};
 use ghand_capture::{Capture, CaptureError};
 use ghand_core::posing::pose_hand;
@@ -37,6 +39,9 @@ pub enum EvaluateError {
         /// The cause.
         error: LpipsError,
     },
+    /// The caller wanted an end.
+    #[error("the evaluation was stopped")]
+    Stopped,
 }
 
 /// The images of an evaluation, and how they are compared.
@@ -95,24 +100,27 @@ pub fn evaluate(
     capture: &Capture,
     split_name: &str,
     baseline: &Baseline,
-    each: impl FnMut(EvaluatedView),
+    mut each: impl FnMut(EvaluatedView),
 ) -> Result<Evaluation, EvaluateError> {
     let views = given_views(capture, capture.split(split_name)?);
     let test = TestViews { capture, protocol: Protocol::Given, views: &views, lpips: None };
-    evaluate_views(gpu, avatar, &test, baseline, each)
+    evaluate_views(gpu, avatar, &test, baseline, |view| {
+        each(view);
+        ControlFlow::Continue(())
+    })
 }
 
 /// As [`evaluate`], for the images and poses of any protocol. Both avatar and baseline are drawn in these poses. The
 /// protocol `handavatar` skips images with empty masks.
 ///
 /// # Errors
-/// [`EvaluateError`] if an image is unusable or the device failed.
+/// [`EvaluateError`] if an image is unusable or the device failed, or `each` wants an end.
 pub fn evaluate_views(
     gpu: &Gpu,
     avatar: &Avatar,
     test: &TestViews,
     baseline: &Baseline,
-    mut each: impl FnMut(EvaluatedView),
+    mut each: impl FnMut(EvaluatedView) -> ControlFlow<()>,
 ) -> Result<Evaluation, EvaluateError> {
     let &TestViews { capture, protocol, views, lpips } = test;
     let boxed = protocol == Protocol::HandAvatar;
@@ -170,7 +178,7 @@ pub fn evaluate_views(
         }
         similarities[0].push(likeness);
         similarities[1].push(baseline_likeness);
-        each(EvaluatedView {
+        let compared = EvaluatedView {
             name: [camera.id.clone(), capture.frames[*frame].id.clone()],
             size,
             truth,
@@ -178,7 +186,10 @@ pub fn evaluate_views(
             baseline: baseline_picture,
             likeness,
             baseline_likeness,
-        });
+        };
+        if each(compared).is_break() {
+            return Err(EvaluateError::Stopped);
+        }
     }
     let count = similarities[0].len();
     let [avatar, baseline] = similarities.map(|all| mean_similarity(&all));

@@ -79,6 +79,9 @@ enum ProtocolArg {
     HandAvatar,
 }
 
+/// Line of an evaluation that was stopped.
+const STOPPED: &str = "stopped: nothing was saved";
+
 /// Contents of `metrics.json`.
 #[derive(Debug, Serialize)]
 struct EvaluationFile {
@@ -100,13 +103,21 @@ pub fn run(args: &EvaluateArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     if args.poses.is_some() {
         bail!("--poses: is a command of the laboratory: ghand-lab cleanliness {} --capture DIR", args.avatar.display());
     }
+    run_watched(args, adapter, &Interruption::listen(STOPPED)?)
+}
+
+/// As [`run`], for a program that does it inside itself.
+///
+/// # Errors
+/// As [`run`]; [`Stopped`](crate::cli::Stopped) if that program wants an end.
+pub fn run_watched(args: &EvaluateArgs, adapter: &AdapterArgs, interruption: &Interruption) -> anyhow::Result<()> {
     check_out(args)?;
     let avatar = Avatar::load(&args.avatar)?;
     let lpips = args.lpips.weights().load()?;
     let mut gpu = adapter.open()?;
     say!("adapter: {}", gpu.info.name);
     let folder = RunFolder::named(args.out.as_deref().context("--out: is missing")?, args.force)?;
-    let interruption = Interruption::listen("stopped: nothing was saved")?;
+    interruption.end_with(STOPPED.into());
     interruption.remove_at_end(folder.leftovers());
 
     let path = args.capture.capture.as_ref().context("--capture: is missing")?;
@@ -157,9 +168,11 @@ pub fn run(args: &EvaluateArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         Some(refined) => refined,
         None => train.frames.iter().map(|frame| capture.frames[*frame].pose.clone()).collect(),
     };
+    interruption.check()?;
     let test = TestImages { capture: &scored, split: &args.split, protocol, views, lpips: lpips.as_deref() };
-    let (images, shown) =
-        gpu.retry_on_device_loss("the evaluation", |gpu| evaluate_images(gpu, &avatar, &test, train, &train_poses))?;
+    let (images, shown) = gpu.retry_on_device_loss("the evaluation", |gpu| {
+        evaluate_images(gpu, &avatar, &test, train, &train_poses, interruption)
+    })?;
     let results = EvaluationFile {
         images,
         avatar: args.avatar.display().to_string(),

@@ -12,6 +12,7 @@ use std::time::Duration;
 
 use anyhow::anyhow;
 use clap::Args;
+use ghand_train::TrainingProgress;
 
 use crate::baked::refuse_quality;
 use crate::capture_args::CaptureArgs;
@@ -24,7 +25,7 @@ use crate::train_run::interruption::{Interruption, STOPPED_BEFORE_TRAINING};
 use crate::train_run::settings_args::SettingsArgs;
 use crate::train_run::training_poses::StartPoses;
 use inputs::Inputs;
-use plan::Plan;
+use plan::Planned;
 
 /// Command line of `train`.
 #[derive(Debug, Args)]
@@ -81,22 +82,42 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     if args.settings.are_only_printed(&args.settings()?) {
         return Ok(());
     }
+    run_watched(args, adapter, &Interruption::listen(STOPPED_BEFORE_TRAINING)?, None).map(|_| ())
+}
+
+/// As [`run`], for a program that does it inside itself: `watch` sees the training instead of the terminal. Returns the
+/// folder.
+///
+/// # Errors
+/// As [`run`]. A run that is stopped while it trains has written its avatar, and checkpoints to go on from.
+pub fn run_watched(
+    args: &TrainArgs,
+    adapter: &AdapterArgs,
+    interruption: &Interruption,
+    watch: Option<&mut dyn FnMut(&TrainingProgress)>,
+) -> anyhow::Result<PathBuf> {
     args.settings()?.check_build()?;
     let mut gpu = adapter.open()?;
     say!("adapter: {}", gpu.info.name);
-    let Some(plan) = Plan::new(args)? else { return Ok(()) };
-    let interruption = Interruption::listen(STOPPED_BEFORE_TRAINING)?;
+    let plan = match Planned::new(args)? {
+        Planned::Run(plan) => plan,
+        Planned::HasEnded(folder) => return Ok(folder),
+    };
+    interruption.end_with(STOPPED_BEFORE_TRAINING.into());
     interruption.remove_at_end(plan.folder.leftovers());
-    let inputs = Inputs::open(args, &plan, &mut gpu, &interruption)?;
-    let trained = training::train(args, &plan, &inputs, &gpu, &interruption)?;
+    let inputs = Inputs::open(args, &plan, &mut gpu, interruption)?;
+    interruption.check()?;
+    let trained = training::train(args, &plan, &inputs, &gpu, interruption, watch)?;
     let refined = inputs.refined_by(&trained);
     let progress = plan.progress(trained.iterations);
-    writing::write_avatar(&plan, &inputs, &trained, &refined, &interruption)?;
+    writing::write_avatar(&plan, &inputs, &trained, &refined, interruption)?;
     let avatar_path = plan.folder.file(AVATAR_FILE);
     interruption
         .end_with(format!("stopped before evaluation: the avatar after {progress} is {}", avatar_path.display()));
-    let evaluated = evaluation::evaluate(&mut gpu, &plan, &inputs, &trained, &refined)?;
-    writing::write_report(&plan, &inputs, &trained, &evaluated, &interruption)?;
+    interruption.check()?;
+    let evaluated = evaluation::evaluate(&mut gpu, &plan, &inputs, &trained, &refined, interruption)?;
+    interruption.check()?;
+    writing::write_report(&plan, &inputs, &trained, &evaluated, interruption)?;
     let metrics = &evaluated.metrics;
     print_table(metrics);
     say!("avatar: {}", avatar_path.display());
@@ -111,7 +132,7 @@ pub fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         None => say!("no report: there are no images to evaluate in the split `{}`", plan.test_split()),
     }
     match (trained.stopped, failure(metrics, &plan.record.settings)) {
-        (false, None) => Ok(()),
+        (false, None) => Ok(plan.folder.path().into()),
         (false, Some(failure)) => Err(anyhow!(failure)),
         (true, failure) => {
             let end = failure.unwrap_or_else(|| "the avatar is saved".into());

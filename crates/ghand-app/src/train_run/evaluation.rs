@@ -1,7 +1,9 @@
 //! The figures of a run: on images that training did not see, and on poses with known truth.
 
 use std::collections::HashSet;
+use std::ops::ControlFlow;
 
+use super::interruption::Interruption;
 use super::metrics::{JointAngleErrors, Metrics};
 use ghand_avatar::Avatar;
 use ghand_capture::{Capture, Split};
@@ -44,13 +46,15 @@ pub struct TestImages<'a> {
 /// `train`, whose frames are in the poses `train_poses`.
 ///
 /// # Errors
-/// An error that names the unusable image, or the device if it failed.
+/// An error that names the unusable image, or the device if it failed; [`Stopped`](crate::cli::Stopped) if a host wants an
+/// end.
 pub fn evaluate_images(
     gpu: &Gpu,
     avatar: &Avatar,
     test: &TestImages,
     train: &Split,
     train_poses: &[Pose],
+    interruption: &Interruption,
 ) -> anyhow::Result<(ImageMetrics, Vec<EvaluatedView>)> {
     let total = test.views.len();
     let cameras = test.views.iter().map(|view| view.camera).collect::<HashSet<_>>().len();
@@ -75,7 +79,10 @@ pub fn evaluate_images(
             shown.push(view);
         }
         index += 1;
-    })?;
+        if interruption.ends() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    });
+    interruption.check()?;
+    let evaluation = evaluation?;
     Ok((ImageMetrics::new(test.protocol, test.split, &evaluation), shown))
 }
 

@@ -10,10 +10,10 @@ use crate::train_run::interruption::Interruption;
 const PAUSE: Duration = Duration::from_secs(2);
 
 /// Repeats `write` while the disk is full: what took hours to train is not thrown away because a file of a few megabytes
-/// finds no room. `path` is for the message. A signal ends the wait and the program.
+/// finds no room. `path` is for the message. A signal ends the wait and the program; a host's wish, the wait.
 ///
 /// # Errors
-/// The error of `write` if it fails for any other reason.
+/// The error of `write` if it fails for any other reason, or once a host wants an end.
 pub fn when_there_is_room<T>(
     path: &Path,
     interruption: &Interruption,
@@ -27,6 +27,9 @@ pub fn when_there_is_room<T>(
                     log::warn!("{}: there is no room on the disk; waiting until there is", path.display());
                     interruption.end_with(format!("stopped: {} found no room on the disk", path.display()));
                     told = true;
+                }
+                if interruption.ends() {
+                    return Err(error);
                 }
                 std::thread::sleep(PAUSE);
             }

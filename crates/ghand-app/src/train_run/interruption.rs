@@ -1,4 +1,4 @@
-//! Ctrl-C and SIGTERM.
+//! Ctrl-C and SIGTERM, or the wish of a program that runs a command inside itself.
 
 use std::io::IsTerminal;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -9,6 +9,7 @@ use anyhow::Context;
 use ghand_files::temporary;
 use signal_hook::consts::{SIGINT, SIGTERM};
 
+use crate::cli::Stopped;
 use crate::train_run::run_folder::Leftovers;
 
 /// Interval of checks for signals: shorter than the time between two presses of Ctrl-C.
@@ -33,9 +34,11 @@ struct State {
     leftovers: Option<Leftovers>,
 }
 
-/// Listens for signals until the program ends.
+/// Listens for signals until the program ends, or for the wish of a host.
 #[derive(Clone)]
 pub struct Interruption {
+    /// Whether another program runs the command inside itself: it is not ended, and handles signals on its own.
+    hosted: bool,
     stop: Arc<AtomicBool>,
     state: Arc<Mutex<State>>,
 }
@@ -53,9 +56,35 @@ impl Interruption {
             return Ok(known.clone());
         }
         let state = State { response: Response::End(line.into()), leftovers: None };
-        let interruption = Interruption { stop: Arc::new(AtomicBool::new(false)), state: Arc::new(Mutex::new(state)) };
+        let stop = Arc::new(AtomicBool::new(false));
+        let interruption = Interruption { hosted: false, stop, state: Arc::new(Mutex::new(state)) };
         interruption.start()?;
         Ok(listening.insert(interruption).clone())
+    }
+
+    /// Of a command inside another program, which sets `stop` when it wants an end. Signals are the program's own.
+    pub fn of_host(stop: Arc<AtomicBool>) -> Interruption {
+        let state = State { response: Response::End("stopped".into()), leftovers: None };
+        Interruption { hosted: true, stop, state: Arc::new(Mutex::new(state)) }
+    }
+
+    /// Whether a host wants an end. Without one always `false`: there a signal ends the program by itself.
+    pub fn ends(&self) -> bool {
+        self.hosted && self.stop.load(Ordering::Relaxed)
+    }
+
+    /// Ends the command if its host wants that; to be called between steps, and before results are written.
+    ///
+    /// # Errors
+    /// [`Stopped`] with the present line.
+    pub fn check(&self) -> Result<(), Stopped> {
+        if !self.ends() {
+            return Ok(());
+        }
+        Err(Stopped(match &self.state().response {
+            Response::End(line) => line.clone(),
+            Response::Stop => "stopped".into(),
+        }))
     }
 
     fn start(&self) -> anyhow::Result<()> {

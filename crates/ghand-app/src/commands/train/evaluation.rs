@@ -12,6 +12,7 @@ use image::RgbImage;
 use super::inputs::Inputs;
 use super::plan::Plan;
 use crate::train_run::evaluation::{TestImages, evaluate_images, pose_figures};
+use crate::train_run::interruption::Interruption;
 use crate::train_run::metrics::Metrics;
 use crate::train_run::report_picture::report;
 
@@ -31,6 +32,7 @@ pub(super) fn evaluate(
     inputs: &Inputs,
     trained: &Trained,
     refined: &Capture,
+    interruption: &Interruption,
 ) -> anyhow::Result<Evaluated> {
     let Inputs { capture, start, train_split, lpips, .. } = inputs;
     let test_split = plan.test_split();
@@ -50,7 +52,7 @@ pub(super) fn evaluate(
         };
         let mut evaluate = |test: &TestImages| {
             gpu.retry_on_device_loss("the evaluation", |gpu| {
-                evaluate_images(gpu, &trained.avatar, test, train_split, &trained.poses)
+                evaluate_images(gpu, &trained.avatar, test, train_split, &trained.poses, interruption)
             })
         };
         let as_given = evaluate(&test(Protocol::Given, given_views(capture, split)))?;

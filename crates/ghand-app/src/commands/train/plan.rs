@@ -26,26 +26,36 @@ pub(super) struct Plan {
     pub keep_checkpoints: u64,
 }
 
-impl Plan {
-    /// Chooses and locks the folder; `None`, with a line that says so, if its run has ended.
-    pub fn new(args: &TrainArgs) -> anyhow::Result<Option<Plan>> {
+/// What there is to do.
+pub(super) enum Planned {
+    /// A run.
+    Run(Box<Plan>),
+    /// Nothing: the run in this folder has ended.
+    HasEnded(PathBuf),
+}
+
+impl Planned {
+    /// Chooses and locks the folder. A line says so if its run has ended.
+    pub fn new(args: &TrainArgs) -> anyhow::Result<Planned> {
         if let (Some(out), Some(capture), false) = (&args.out, &args.capture.capture, args.force) {
             refuse_capture_folder("--out", out, capture)?;
         }
         let folder = args.folder()?;
         let Some((record, resumed)) = args.record_in(&folder)? else {
             say!("the run in {} has ended: there is nothing to go on with", folder.path().display());
-            return Ok(None);
+            return Ok(Planned::HasEnded(folder.path().into()));
         };
-        Ok(Some(Plan {
+        Ok(Planned::Run(Box::new(Plan {
             resumed,
             checkpoint_every: args.checkpoint_every.or(record.checkpoint_every).unwrap_or(CHECKPOINT_EVERY),
             keep_checkpoints: args.keep_checkpoints.or(record.keep_checkpoints).unwrap_or(0),
             folder,
             record,
-        }))
+        })))
     }
+}
 
+impl Plan {
     /// Name of the split for evaluation.
     pub fn test_split(&self) -> &str {
         self.record.test_split.as_deref().unwrap_or(DEFAULT_TEST_SPLIT)

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use ghand_render::Gpu;
-use ghand_train::{Align, Checkpoints, Simplify, TrainError, Trained, Trainer};
+use ghand_train::{Align, Checkpoints, Simplify, TrainError, Trained, Trainer, TrainingProgress};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::TrainArgs;
@@ -24,13 +24,15 @@ const LONGEST_SILENCE: Duration = Duration::from_secs(30);
 /// Least time between two writings of the files that show how the run goes.
 const LIVE_EVERY: Duration = Duration::from_secs(10);
 
-/// Trains, from the last checkpoint on if the run is resumed, and prints the outcome.
+/// Trains, from the last checkpoint on if the run is resumed, and prints the outcome. `watch` sees the progress instead
+/// of the terminal.
 pub(super) fn train(
     args: &TrainArgs,
     plan: &Plan,
     inputs: &Inputs,
     gpu: &Gpu,
     interruption: &Interruption,
+    watch: Option<&mut dyn FnMut(&TrainingProgress)>,
 ) -> anyhow::Result<Trained> {
     let Plan { folder, record, .. } = plan;
     let settings = &record.settings;
@@ -75,7 +77,11 @@ pub(super) fn train(
     let checkpoints = Checkpoints::new(&folder.checkpoints(), plan.checkpoint_every, plan.keep_checkpoints);
     let trainer = trainer.stop_when(interruption.stop()).with_checkpoints(checkpoints);
     let viewer = if args.viewer { LiveViewer::open(folder.path(), &folder.checkpoints()) } else { None };
-    let trained = train_visibly(trainer, settings.iterations, &folder.checkpoints(), viewer).map_err(|error| {
+    let trained = match watch {
+        Some(watch) => trainer.train(watch).map_err(ended),
+        None => train_visibly(trainer, settings.iterations, &folder.checkpoints(), viewer),
+    };
+    let trained = trained.map_err(|error| {
         if matches!(error.downcast_ref(), Some(TrainError::Diverged { .. })) {
             folder.end(false);
         }
@@ -143,8 +149,13 @@ fn train_visibly(
         bar.set_message(message);
     });
     bar.finish_and_clear();
-    trained.map_err(|error| match error {
+    trained.map_err(ended)
+}
+
+/// The error of a training as that of the program.
+fn ended(error: TrainError) -> anyhow::Error {
+    match error {
         TrainError::Stopped { .. } => Stopped(error.to_string()).into(),
         error => error.into(),
-    })
+    }
 }
