@@ -1,4 +1,4 @@
-// The panel of the attribute `controls`: poses, motions, light, view, joints, live poses.
+// The panel of the attribute `controls`: poses, motions, light, layers, view, joints, live poses.
 
 const SIDES = ["back", "palm", "thumb-side", "little-finger-side", "fingertips"];
 
@@ -26,6 +26,7 @@ export class Controls {
   #button = null;
   #poses = null;
   #motions = null;
+  #layer = null;
   #live = make("div", { className: "note" });
 
   /** A panel for an element <ghand-avatar>. */
@@ -67,6 +68,9 @@ export class Controls {
       make("div", { className: "row" }, this.#button, this.#time),
       labelled("View", choice(SIDES, attempt((side) => avatar.camera(side))))];
     if (avatar.hands.length > 0 && avatar.hands.every((hand) => hand.relightable)) parts.push(...this.#light(attempt));
+    this.#layer = null;
+    const layers = (avatar.hands[0]?.layers ?? []).filter((layer) => avatar.hands.every((hand) => hand.layers.includes(layer)));
+    if (layers.length > 1) parts.push(this.#layers(layers, attempt));
     if (avatar.hasAttribute("mediapipe")) {
       const webcam = make("button", { type: "button", textContent: "Webcam" });
       webcam.onclick = attempt(() => avatar.webcam());
@@ -92,6 +96,14 @@ export class Controls {
     return [labelled("Light", light), labelled("Turn", turn)];
   }
 
+  #layers(layers, attempt) {
+    const avatar = this.#avatar;
+    const layer = choice(layers, attempt((name) => avatar.layer(name)));
+    layer.firstChild.remove();
+    this.#layer = layer;
+    return labelled("Show", layer);
+  }
+
   #joints(hand, k, attempt) {
     const body = make("div", { className: "joints" });
     for (const joint of hand.joints.filter((joint) => joint.limits)) {
@@ -115,6 +127,7 @@ export class Controls {
       this.#poses.value = avatar.shown.pose;
       this.#motions.value = avatar.shown.motion;
     }
+    if (this.#layer) this.#layer.value = avatar.shown.layer;
     if (!this.element.querySelector("details[open]")) return;
     for (const { slider, hand, joint, angle } of this.#sliders) {
       const angles = slider.matches(":active") ? null : avatar.angles(joint, hand);

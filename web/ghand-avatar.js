@@ -16,7 +16,7 @@ const nameOf = (url) => (url.startsWith("data:") ? "avatar.ghand" : decodeURICom
 const textOf = (error) => (error instanceof Error ? error.message : String(error)).split("\n")[0];
 
 export class GhandAvatar extends HTMLElement {
-  static observedAttributes = ["src", "pose", "motion", "light", "light-turn", "controls", "connect", "poster", "alt"];
+  static observedAttributes = ["src", "pose", "motion", "light", "light-turn", "layer", "controls", "connect", "poster", "alt"];
 
   #player = null;
   #canvas;
@@ -244,6 +244,12 @@ export class GhandAvatar extends HTMLElement {
     this.#changed();
   }
 
+  /** Shows a layer of all hands: `skin`, `albedo` or `views`. */
+  layer(name) {
+    this.#open().setLayer(name);
+    this.#changed();
+  }
+
   /** A picture in any size, over a background of display values from 0 to 1. */
   async picture({ width = this.#canvas.width, height = this.#canvas.height, background = [1, 1, 1] } = {}) {
     return new ImageData(await this.#open().picture(width, height, ...background), width, height);
@@ -325,7 +331,7 @@ export class GhandAvatar extends HTMLElement {
       this.#use(player);
       files.forEach((bytes, k) => player.add(nameOf(sources[k]), bytes));
       this.#arrived();
-      this.#attempt(() => ["pose", "motion", "light", "connect"].forEach((name) => this.#take(name)));
+      this.#attempt(() => ["pose", "motion", "light", "layer", "connect"].forEach((name) => this.#take(name)));
     } catch (error) {
       if (signal.aborted) throw error;
       this.#close();
@@ -368,6 +374,7 @@ export class GhandAvatar extends HTMLElement {
       const turn = Number(this.getAttribute("light-turn") ?? 0);
       if (this.#drawn || this.hasAttribute("light") || turn !== 0) this.light(this.getAttribute("light") ?? "capture", turn);
     }
+    if (name === "layer" && (value || this.#drawn)) this.layer(value || "skin");
     if (name === "connect") {
       if (value) this.connect(value);
       else this.stopLive();
@@ -382,9 +389,9 @@ export class GhandAvatar extends HTMLElement {
     }
   }
 
-  /** The names of the pose or motion that is shown; "" for others. */
+  /** The names of the pose or motion that is shown; "" for others; and the layer. */
   get shown() {
-    return this.#named;
+    return { ...this.#named, layer: this.#player?.layer() ?? "skin" };
   }
 
   #name({ pose = "", motion = "" }) {

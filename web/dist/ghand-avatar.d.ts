@@ -5,7 +5,7 @@
  *     <ghand-avatar src="hand.ghand" motion="count" controls></ghand-avatar>
  *
  * Attributes: `src` (URLs of .ghand files, separated by spaces), `pose`, `motion`, `light` (`capture`, `studio`),
- * `light-turn` (degrees), `controls`, `connect` (address of a WebSocket that sends packets of poses), `mediapipe` (folder
+ * `light-turn` (degrees), `layer` (`skin`, `albedo`, `views`), `controls`, `connect` (address of a WebSocket that sends packets of poses), `mediapipe` (folder
  * of MediaPipe, for the webcam), `poster` (a picture where there is no WebGPU), `alt` (text for screen readers).
  * The background is the page's: the canvas is transparent.
  *
@@ -43,8 +43,13 @@ export interface Hand {
   baked: boolean;
   /** Whether other lights than the capture's can be chosen. */
   relightable: boolean;
+  /** The layers that it can show. */
+  layers: Layer[];
   capture: string;
 }
+
+/** The hand in its light, its skin without light, or how much training saw of each place. */
+export type Layer = "skin" | "albedo" | "views";
 
 export interface View {
   /** Metres, world. */
@@ -79,8 +84,8 @@ export class GhandAvatar extends HTMLElement {
   /** The graphics adapter and the kernels on it. */
   readonly device: string;
   readonly paused: boolean;
-  /** The names of the pose or motion that is shown; "" for others. */
-  readonly shown: { pose: string; motion: string };
+  /** The names of the pose or motion that is shown; "" for others; and the layer. */
+  readonly shown: { pose: string; motion: string; layer: Layer };
 
   /** Goes to a pose; `hand` null is all hands. Seconds: 0.3. */
   pose(pose: PoseLike, options?: { hand?: number | null; seconds?: number }): void;
@@ -101,6 +106,8 @@ export class GhandAvatar extends HTMLElement {
   /** Sets the view, in part or by a side, and returns it. */
   camera(view?: Partial<View> | ViewSide): View | null;
   light(name: "capture" | "studio", turn?: number): void;
+  /** Shows a layer of all hands. */
+  layer(name: Layer): void;
   /** A picture in any size; the background in display values from 0 to 1. */
   picture(options?: { width?: number; height?: number; background?: [number, number, number] }): Promise<ImageData>;
   /** Drives the hands by one packet of live poses. */

@@ -66,8 +66,8 @@ pub struct PropertyRates {
 ///
 /// A frame runs [`PropertyModel::forward`] after the skeleton and before the rest of the deformation. It can encode into
 /// the given encoder, which is submitted after it returns, or submit its own work and wait for it, as a network on the
-/// host does.
-pub trait PropertyModel {
+/// host does. Outside browsers it can be sent to another thread, and so can a [`Scene`](crate::Scene).
+pub trait PropertyModel: wgpu::WasmNotSend {
     /// Fills the properties for the pose of the deformation's frame. The commands that compute the posed joint chain come
     /// before this in the encoder. A model that works on the host reads the pose back with [`Deformation::read_pose`]:
     /// training may have changed it on the device.

@@ -7,6 +7,7 @@ use ghand_hand_model::joints::names::JointRole;
 use serde_json::{Value, json};
 
 use crate::hand::Hand;
+use crate::layer::Layer;
 
 /// A hand: name, side, joints with the ranges of their angles (radians) if their names identify them, kind of avatar.
 pub fn of_hand(hand: &Hand) -> Value {
@@ -29,6 +30,7 @@ pub fn of_hand(hand: &Hand) -> Value {
         "gaussians": avatar.template.len(),
         "baked": matches!(avatar.tables, PropertyTables::Baked(_)),
         "relightable": avatar.light.is_some(),
+        "layers": Layer::ALL.into_iter().filter(|layer| layer.is_of(avatar)).map(Layer::name).collect::<Vec<_>>(),
         "capture": avatar.provenance.capture,
     })
 }

@@ -12,6 +12,8 @@ use ghand_motion::pose_sequence::{DEFAULT_FPS, between, read_poses_bytes};
 use ghand_motion::{PoseOptions, PoseSequence};
 use glam::DVec3;
 
+use crate::layer::Layer;
+
 /// A motion that is played.
 #[derive(Debug, Clone)]
 pub struct Playback {
@@ -41,6 +43,8 @@ enum Drive {
 /// A hand on the stage.
 pub struct Hand {
     avatar: Rc<Avatar>,
+    /// The avatar in the colours of the layer that is shown.
+    shown: Rc<Avatar>,
     axes: Option<Vec<JointAxes>>,
     pose: Pose,
     drive: Drive,
@@ -55,12 +59,33 @@ impl Hand {
         let pose = Pose::rest(avatar.model.joint_count());
         let axes = JointAxes::of_joints(&avatar.model);
         let avatar = Rc::new(avatar);
-        Hand { avatar, axes, pose, drive: Drive::Still, live: LivePoses::default(), place: DVec3::ZERO }
+        let shown = avatar.clone();
+        Hand { avatar, shown, axes, pose, drive: Drive::Still, live: LivePoses::default(), place: DVec3::ZERO }
     }
 
     /// Its avatar.
     pub fn avatar(&self) -> &Rc<Avatar> {
         &self.avatar
+    }
+
+    /// The avatar in the colours of the layer that is shown.
+    pub fn shown(&self) -> &Rc<Avatar> {
+        &self.shown
+    }
+
+    /// Shows a layer.
+    ///
+    /// # Errors
+    /// One sentence if the avatar lacks it.
+    pub fn show(&mut self, layer: Layer) -> Result<(), String> {
+        self.shown = match layer {
+            Layer::Skin => self.avatar.clone(),
+            other => Rc::new(other.shown(&self.avatar).ok_or_else(|| {
+                let layers = Layer::ALL.into_iter().filter(|layer| layer.is_of(&self.avatar)).map(Layer::name);
+                format!("the avatar has no layer {:?}; it has {}", other.name(), layers.collect::<Vec<_>>().join(", "))
+            })?),
+        };
+        Ok(())
     }
 
     /// Its hand model.

@@ -6,6 +6,7 @@
 
 pub mod description;
 pub mod hand;
+pub mod layer;
 #[cfg(target_arch = "wasm32")]
 mod player;
 pub mod stage;

@@ -25,6 +25,7 @@ use wasm_bindgen_futures::future_to_promise;
 use web_sys::HtmlCanvasElement;
 
 use crate::description;
+use crate::layer::Layer;
 use crate::stage::{LightChoice, Stage};
 
 /// Frames that may be on their way to the screen: with more, a slow device would answer late.
@@ -317,6 +318,21 @@ impl Player {
         Ok(())
     }
 
+    /// Shows the layer `skin`, `albedo` or `views` of all hands.
+    #[wasm_bindgen(js_name = setLayer)]
+    pub fn set_layer(&mut self, name: &str) -> Result<(), JsError> {
+        let unknown =
+            || js_error(format!("there is no layer {name:?}; there are {}", Layer::ALL.map(Layer::name).join(", ")));
+        self.stage.show(Layer::of(name).ok_or_else(unknown)?).map_err(js_error)?;
+        self.drawing = None;
+        Ok(())
+    }
+
+    /// The layer that is shown.
+    pub fn layer(&self) -> String {
+        self.stage.layer().name().into()
+    }
+
     /// Rotates the view by a drag, CSS pixels.
     pub fn orbit(&mut self, x: f64, y: f64) {
         self.stage.orbit_mut().into_iter().for_each(|orbit| orbit.orbit(DVec2::new(x, y)));
@@ -470,7 +486,7 @@ impl Player {
     /// The hands as they are drawn now.
     fn shown(&self) -> Vec<Shown> {
         let shown = |hand: &crate::hand::Hand| Shown {
-            avatar: hand.avatar().clone(),
+            avatar: hand.shown().clone(),
             pose: hand.pose().clone(),
             place: hand.place,
             light: self.stage.light_on(hand),

@@ -9,6 +9,7 @@ use ghand_motion::live::LiveOptions;
 use glam::DVec3;
 
 use crate::hand::Hand;
+use crate::layer::Layer;
 
 /// Hands stand this part of the larger one's width apart.
 const GAP: f64 = 0.15;
@@ -32,10 +33,13 @@ pub struct Stage {
     light: LightChoice,
     /// How far the light is turned about the vertical, radians.
     turn: f64,
+    /// What the colours of all hands show.
+    layer: Layer,
 }
 
 impl Stage {
-    /// Adds a hand beside the others, faces all of them, and returns its number.
+    /// Adds a hand beside the others, faces all of them, and returns its number. Where it lacks the layer that is shown, all
+    /// show skin.
     ///
     /// # Errors
     /// One sentence if one scene cannot show it with the others.
@@ -47,7 +51,12 @@ impl Stage {
                         show both; train one of them again"
                 .into());
         }
-        self.hands.push(Hand::new(avatar));
+        if !self.layer.is_of(&avatar) {
+            self.show(Layer::Skin)?;
+        }
+        let mut hand = Hand::new(avatar);
+        hand.show(self.layer)?;
+        self.hands.push(hand);
         self.arrange();
         self.face();
         Ok(self.hands.len() - 1)
@@ -219,9 +228,26 @@ impl Stage {
         Ok(())
     }
 
-    /// The light on a hand; `None` if it is part of its colours.
+    /// Shows a layer of all hands.
+    ///
+    /// # Errors
+    /// One sentence if an avatar lacks it. Nothing is changed then.
+    pub fn show(&mut self, layer: Layer) -> Result<(), String> {
+        if let Some(hand) = self.hands.iter_mut().find(|hand| !layer.is_of(hand.avatar())) {
+            return hand.show(layer);
+        }
+        self.layer = layer;
+        self.hands.iter_mut().try_for_each(|hand| hand.show(layer))
+    }
+
+    /// What the colours show.
+    pub fn layer(&self) -> Layer {
+        self.layer
+    }
+
+    /// The light on a hand; `None` if it is part of its colours, or the layer has none.
     pub fn light_on(&self, hand: &Hand) -> Option<Light> {
-        let own = &hand.avatar().light.as_ref()?.light;
+        let own = &hand.shown().light.as_ref()?.light;
         let light = match self.light {
             LightChoice::Capture => own.clone(),
             LightChoice::Studio => Light::studio(),

@@ -217,6 +217,13 @@ fn a_lost_device_comes_back_with_what_was_shown() {
 }
 
 #[test]
+fn layers_are_shown_by_name_on_a_new_device_too() {
+    let Some(said) = value("layers") else { return };
+    assert!(said[0].as_str().unwrap().contains("there are skin, albedo, views"), "{said}");
+    assert!(said[1].as_str().unwrap().contains("it has skin, albedo"), "{said}");
+}
+
+#[test]
 fn five_hundred_poses_are_drawn() {
     value("poses");
 }

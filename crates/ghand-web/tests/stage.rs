@@ -2,11 +2,14 @@
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+use ghand_avatar::light::AvatarLight;
 use ghand_avatar::view_side::ViewSide;
-use ghand_avatar::{Avatar, AvatarConfig};
+use ghand_avatar::{Avatar, AvatarConfig, Light};
 use ghand_core::Side;
+use ghand_hand_model::surface::sample_surface;
 use ghand_test_support::procedural_hand::ProceduralHand;
 use ghand_web::description;
+use ghand_web::layer::Layer;
 use ghand_web::stage::{LightChoice, Stage};
 use glam::DVec3;
 
@@ -139,4 +142,34 @@ fn angles_are_those_that_were_set() {
     assert_eq!(text["joints"].as_array().unwrap().len(), hand.model().joint_count());
     let limits = &text["joints"][joint]["limits"]["flexion"];
     assert!(limits[0].as_f64() <= Some(0.0) && limits[1].as_f64() > Some(1.0), "{limits}");
+}
+
+#[test]
+fn a_layer_changes_the_colours_and_nothing_else() {
+    let mut plain = stage(&[false]);
+    assert_eq!(description::of_hand(plain.hand(0).unwrap())["layers"], serde_json::json!(["skin"]));
+    let error = plain.show(Layer::Albedo).unwrap_err();
+    assert!(error.contains("no layer \"albedo\"; it has skin"), "{error}");
+    let mut lit = avatar(false);
+    let samples = sample_surface(&lit.model, 32).unwrap();
+    lit.light = Some(AvatarLight::new(Light::studio(), None, &samples));
+    lit.seen = Some((0..lit.template.len()).map(|k| k as f32).collect());
+    let mut stage = Stage::default();
+    stage.add(lit.clone()).unwrap();
+    assert_eq!(description::of_hand(stage.hand(0).unwrap())["layers"], serde_json::json!(["skin", "albedo", "views"]));
+    stage.show(Layer::Albedo).unwrap();
+    let hand = stage.hand(0).unwrap();
+    assert!(hand.shown().light.is_none() && stage.light_on(hand).is_none());
+    assert_eq!(hand.shown().tables, lit.tables);
+    stage.show(Layer::Views).unwrap();
+    assert_ne!(stage.hand(0).unwrap().shown().tables, lit.tables);
+    // Another hand is shown alike, if it can be.
+    stage.add(lit.clone()).unwrap();
+    assert_ne!(stage.hand(1).unwrap().shown().tables, lit.tables);
+    stage.add(avatar(true)).unwrap();
+    assert_eq!(stage.layer(), Layer::Skin);
+    assert!(stage.show(Layer::Albedo).is_err() && stage.layer() == Layer::Skin);
+    let hand = stage.hand(0).unwrap();
+    assert!(stage.light_on(hand).is_some());
+    assert_eq!(hand.shown().tables, lit.tables);
 }

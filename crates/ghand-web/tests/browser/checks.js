@@ -142,6 +142,31 @@ const checks = {
     return detail.message;
   },
 
+  async layers() {
+    const element = await shown({ src: "demo.ghand", pose: "victory" });
+    const of = async (name) => {
+      element.layer(name);
+      assert(element.shown.layer === name, `${element.shown.layer} is shown`);
+      const picture = await element.picture({ background: [1, 1, 1] });
+      assert(difference(await canvasPixels(element), picture) <= 2, `the canvas shows other colours than ${name}`);
+      return picture;
+    };
+    assert(element.hands[0].layers.join() === "skin,albedo", element.hands[0].layers.join());
+    const [skin, albedo] = [await of("skin"), await of("albedo")];
+    assert(difference(skin, albedo) > 20, "the layers are alike");
+    // A new device shows the same layer.
+    const restored = event(element, "devicerestored");
+    element.loseDevice();
+    await restored;
+    assert(difference(albedo, await element.picture({ background: [1, 1, 1] })) <= 2, "the layer is another");
+    assert(difference(skin, await of("skin")) === 0, "skin is another");
+    element.setAttribute("layer", "albedo");
+    assert(element.shown.layer === "albedo", "the attribute does nothing");
+    const said = [thrown(() => element.layer("bones")), thrown(() => element.layer("views"))];
+    element.remove();
+    return said;
+  },
+
   async poses() {
     const element = await shown({ src: "demo.ghand" });
     let errors = 0;
