@@ -138,6 +138,21 @@ impl Camera {
         Ok(Camera(self.0.resized(width, height)))
     }
 
+    fn __eq__(&self, other: &Camera) -> bool {
+        CoreCamera { id: String::new(), ..self.0.clone() } == CoreCamera { id: String::new(), ..other.0.clone() }
+    }
+
+    /// For pickles: what makes the same camera.
+    #[expect(clippy::type_complexity, reason = "three arrays")]
+    fn __getnewargs__<'py>(
+        &self,
+        py: Python<'py>,
+    ) -> PyResult<(u32, u32, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>)> {
+        let CoreCamera { width, height, rotation, translation, .. } = &self.0;
+        let translation = PyArray1::from_slice(py, &translation.to_array());
+        Ok((*width, *height, self.intrinsics(py), matrix_array(py, rotation), translation))
+    }
+
     fn __repr__(&self) -> String {
         let CoreCamera { id, width, height, focal, .. } = &self.0;
         format!("<ghand.Camera {id:?} {width}x{height}, focal length {:.1} px>", focal.y)
@@ -168,6 +183,8 @@ pub fn checked_size((width, height): (u32, u32)) -> PyResult<[u32; 2]> {
 
 /// Largest entry by which `R R^T` of a rotation that was rounded differs from the identity.
 const ROUNDED: f64 = 1e-3;
+/// The same of one that was not.
+const EXACT: f64 = 1e-12;
 
 /// A rotation, orthonormal to the last bit.
 ///
@@ -179,5 +196,6 @@ pub fn checked_rotation(name: &str, matrix: &DMat3) -> PyResult<DMat3> {
     if !is_rotation || matrix.determinant() < 0.0 {
         return Err(wrong(format!("{name}: is no rotation: its rows must be orthonormal, and its determinant 1")));
     }
-    Ok(DMat3::from_quat(DQuat::from_mat3(matrix).normalize()))
+    let is_exact = difference.to_cols_array().iter().all(|entry| entry.abs() < EXACT);
+    Ok(if is_exact { *matrix } else { DMat3::from_quat(DQuat::from_mat3(matrix).normalize()) })
 }

@@ -52,6 +52,16 @@ impl Pose {
         PyArray1::from_slice(py, &self.0.translation.to_array())
     }
 
+    fn __eq__(&self, other: &Pose) -> bool {
+        self.0 == other.0
+    }
+
+    /// For pickles: what makes the same pose.
+    #[expect(clippy::type_complexity, reason = "two arrays")]
+    fn __getnewargs__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>)> {
+        Ok((self.rotations(py)?, self.translation(py)))
+    }
+
     fn __repr__(&self) -> String {
         format!("<ghand.Pose of {} joints>", self.0.rotations.len())
     }

@@ -10,6 +10,7 @@ use ghand_core::Pose as CorePose;
 use ghand_core::posing::{PosedModel, pose_hand};
 use ghand_motion::RestSkeleton;
 use ghand_motion::ik::HandIk;
+use ghand_pictures::blank_pictures::Blank;
 use ghand_render::splat::{FLATNESS, Shape, SplatModel};
 use glam::{Quat, Vec3};
 use numpy::{PyArray2, PyArray3};
@@ -20,6 +21,7 @@ use crate::arrays::{array, point_array};
 use crate::avatar::{Loaded, background_of};
 use crate::camera::{Camera, checked_size};
 use crate::error::{failed, wrong};
+use crate::messages::warn;
 use crate::pose::Pose;
 
 /// An avatar in a pose.
@@ -109,6 +111,10 @@ impl PosedAvatar {
         let rgba = self.loaded.draw(py, "rendering", |drawing, gpu, avatar| {
             drawing.picture(gpu, avatar, &self.pose, &camera.0, background)
         })?;
+        let covered = rgba.chunks_exact(4).filter(|pixel| pixel[3] > 0.0).count();
+        if let Some(blank) = Blank::of(&camera.0, covered, || posed_vertices(&self.loaded.avatar.model, &self.pose)) {
+            warn(py, &[format!("the picture is empty: the hand {}", blank.reason())])?;
+        }
         array(py, [camera.0.height as usize, camera.0.width as usize, 4], rgba)
     }
 

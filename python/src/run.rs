@@ -14,7 +14,7 @@ use ghand_app::commands::train::{TrainArgs, run_watched as run_training};
 use ghand_app::run_files::{AVATAR_FILE, METRICS_FILE};
 use ghand_app::runtime_dir::RuntimeDir;
 use ghand_app::train_run::interruption::Interruption;
-use pyo3::exceptions::PyRuntimeError;
+use pyo3::exceptions::{PyRuntimeError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict};
 
@@ -90,6 +90,9 @@ pub fn train(
     on_progress: Option<Py<PyAny>>,
     options: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<TrainResult> {
+    if let Some(callback) = on_progress.as_ref().filter(|callback| !callback.bind(py).is_callable()) {
+        return Err(PyTypeError::new_err(format!("on_progress: must be callable, not {}", callback.bind(py).repr()?)));
+    }
     let mut line = Line::new("train").option("capture", capture).option("out", out);
     for (key, value) in settings.into_iter().flatten() {
         line.0.extend(["--set".into(), format!("{}={}", key.str()?, text(&value)?).into()]);

@@ -1,5 +1,7 @@
 """Avatars, poses, arrays and pictures."""
 
+import copy
+import pickle
 import threading
 import time
 
@@ -181,3 +183,23 @@ def test_other_threads_run_while_a_picture_is_drawn(hand):
     drawn.set()
     thread.join()
     assert np.diff(steps).max() < max(0.5 * seconds, 0.1)
+
+
+def test_poses_and_cameras_can_be_sent_to_other_processes(hand):
+    pose = hand.pose("fist", translation=[0.1, 0.2, 0.3]).pose
+    camera = hand.pose().camera("palm", size=(30, 40))
+    for value in [pose, camera]:
+        sent = pickle.loads(pickle.dumps(value))
+        assert sent == value and sent is not value and copy.deepcopy(value) == value
+    assert pose != hand.pose().pose and camera != camera.resized(40, 30) and pose != camera
+
+
+def test_an_empty_picture_says_why(hand):
+    intrinsics = [[500, 0, 32], [0, 500, 32], [0, 0, 1]]
+    for translation, reason in [
+        ([0, 0, -1], "behind the camera"),
+        ([1, 0, 1], "outside"),
+        ([0, 0, 900], "check the units"),
+    ]:
+        with pytest.warns(UserWarning, match=f"the picture is empty: .*{reason}"):
+            hand.pose().render(ghand.Camera(64, 64, intrinsics, translation=translation))

@@ -30,7 +30,7 @@ pub enum Blank {
 
 impl Blank {
     /// The reason, as the end of a sentence on the thing.
-    fn reason(self) -> String {
+    pub fn reason(self) -> String {
         match self {
             Blank::Behind => {
                 format!(

@@ -85,6 +85,8 @@ class Camera:
         """Pixels `(N, 2)` and depths `(N,)` in metres of points `(N, 3)`."""
     def resized(self, width: int, height: int) -> Camera:
         """The same view in another size."""
+    def __eq__(self, other: object, /) -> bool: ...
+    def __getnewargs__(self) -> tuple[int, int, NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]: ...
 
 @final
 class Pose:
@@ -99,6 +101,8 @@ class Pose:
     @property
     def translation(self) -> NDArray[np.float64]:
         """Metres, `(3,)`."""
+    def __eq__(self, other: object, /) -> bool: ...
+    def __getnewargs__(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
 
 @final
 class Poses(Sequence[Pose]):
@@ -148,7 +152,7 @@ class PosedAvatar:
         sees it, if given."""
     def render(self, camera: Camera, background: ArrayLike | None = None) -> NDArray[np.float32]:
         """A picture `(height, width, 4)`: display colours from 0 to 1 over the background (black), and coverage. Over black
-        they are premultiplied."""
+        they are premultiplied. A warning says why a picture is empty."""
     def depth(self, camera: Camera) -> NDArray[np.float32]:
         """Depths along the camera's axis, metres, `(height, width)`; 0 where there is no hand."""
     def camera(self, side: _Side | None = None, size: tuple[int, int] = (512, 512)) -> Camera:
