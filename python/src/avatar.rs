@@ -1,10 +1,13 @@
 //! Avatars.
 
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use ghand_app::lighting::{LightSource, Lighting};
+use ghand_app::same_tracker::tracker_of;
 use ghand_avatar::Avatar as LoadedAvatar;
+use ghand_core::pose_offsets::TrackerOffsets;
 use ghand_core::{Camera as CoreCamera, HandModel, Pose as CorePose, Side};
 use ghand_render::Gpu;
 use numpy::{PyArray2, PyArray4, PyArrayMethods};
@@ -25,8 +28,9 @@ pub struct Loaded {
     /// The avatar.
     pub avatar: LoadedAvatar,
     path: PathBuf,
-    /// `None` once it is closed.
-    drawing: Mutex<Option<Drawing>>,
+    /// Locked without the interpreter's lock only: whoever draws may need that to tell of something.
+    drawing: Mutex<Drawing>,
+    closed: AtomicBool,
 }
 
 impl Loaded {
@@ -40,14 +44,8 @@ impl Loaded {
         what: &str,
         mut work: impl FnMut(&mut Drawing, &Gpu, &LoadedAvatar) -> anyhow::Result<T> + Send,
     ) -> PyResult<T> {
-        let drawn = py.detach(|| {
-            with_device(what, |gpu| {
-                // What a scene keeps is made anew where it does not fit.
-                let mut drawing = self.drawing.lock().unwrap_or_else(PoisonError::into_inner);
-                let drawing = drawing.as_mut().ok_or_else(|| anyhow::anyhow!("{}: is closed", self.path.display()))?;
-                work(drawing, gpu, &self.avatar)
-            })
-        });
+        self.check_open()?;
+        let drawn = py.detach(|| with_device(what, |gpu| work(&mut self.drawing(), gpu, &self.avatar)));
         drawn.map_err(failed)
     }
 
@@ -56,10 +54,15 @@ impl Loaded {
     /// # Errors
     /// [`Error`](crate::error::Error) then.
     pub fn check_open(&self) -> PyResult<()> {
-        match self.drawing.lock().unwrap_or_else(PoisonError::into_inner).as_ref() {
-            Some(_) => Ok(()),
-            None => Err(failed(anyhow::anyhow!("{}: is closed", self.path.display()))),
+        if self.closed.load(Ordering::Relaxed) {
+            return Err(failed(anyhow::anyhow!("{}: is closed", self.path.display())));
         }
+        Ok(())
+    }
+
+    fn drawing(&self) -> MutexGuard<'_, Drawing> {
+        // What a scene keeps is made anew where it does not fit.
+        self.drawing.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -75,6 +78,14 @@ impl Avatar {
     pub fn model(&self) -> PyResult<Arc<HandModel>> {
         self.0.check_open()?;
         Ok(Arc::new(self.0.avatar.model.clone()))
+    }
+
+    /// How the tracker of its capture is off.
+    ///
+    /// # Errors
+    /// [`Error`](crate::error::Error) if it does not know.
+    pub fn tracker(&self) -> PyResult<TrackerOffsets> {
+        tracker_of(&self.0.avatar, &self.0.path).cloned().map_err(failed)
     }
 
     fn own_model(&self) -> &HandModel {
@@ -98,7 +109,7 @@ pub fn load(py: Python<'_>, path: PathBuf, light: Option<PathBuf>, light_turn: f
     let loaded = py.detach(|| -> anyhow::Result<Loaded> {
         let mut avatar = LoadedAvatar::load(&path)?;
         Lighting { source, turn: light_turn }.apply_to(&mut avatar)?;
-        Ok(Loaded { avatar, path, drawing: Mutex::new(Some(Drawing::default())) })
+        Ok(Loaded { avatar, path, drawing: Mutex::default(), closed: AtomicBool::new(false) })
     });
     Ok(Avatar(Arc::new(loaded.map_err(failed)?)))
 }
@@ -146,18 +157,23 @@ impl Avatar {
     }
 
     /// The avatar in a pose: a name, a file (of several poses with `frame`, a number or id), a [`Pose`](crate::pose::Pose),
-    /// rotations of all joints as it takes them, or axis-angle rotations by joint names.
-    #[pyo3(signature = (pose=None, translation=None, *, frame=None))]
+    /// rotations of all joints as it takes them, or axis-angle rotations by joint names. With `same_tracker` it comes from
+    /// the tracker that gave the avatar's training poses, whose constant errors are undone.
+    #[pyo3(signature = (pose=None, translation=None, *, frame=None, same_tracker=false))]
     fn pose(
         &self,
         py: Python<'_>,
         pose: Option<&Bound<'_, PyAny>>,
         translation: Option<&Bound<'_, PyAny>>,
         frame: Option<&Bound<'_, PyAny>>,
+        same_tracker: bool,
     ) -> PyResult<PosedAvatar> {
         self.0.check_open()?;
         let rest = "rest".into_pyobject(py)?.into_any();
-        let pose = pose_of(pose.unwrap_or(&rest), translation, frame, self.own_model())?;
+        let mut pose = pose_of(pose.unwrap_or(&rest), translation, frame, self.own_model())?;
+        if same_tracker {
+            pose = self.tracker()?.offsets.apply(&pose, &self.own_model().parents);
+        }
         Ok(PosedAvatar { loaded: self.0.clone(), pose })
     }
 
@@ -206,7 +222,8 @@ impl Avatar {
 
     /// Frees its memory on the device. It draws nothing any more.
     fn close(&self, py: Python<'_>) {
-        py.detach(|| drop(self.0.drawing.lock().unwrap_or_else(PoisonError::into_inner).take()));
+        self.0.closed.store(true, Ordering::Relaxed);
+        py.detach(|| *self.0.drawing() = Drawing::default());
     }
 
     fn __enter__(slf: Py<Avatar>) -> Py<Avatar> {

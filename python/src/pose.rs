@@ -178,7 +178,7 @@ impl Poses {
 /// built-in right hand).
 #[pyfunction]
 #[pyo3(signature = (source, avatar=None, *, side=None, pose_model=None, flat_mean=false, mirrored=None, take=None,
-    in_place=false, cameras=None, file_fps=None, smooth=false, fps=None))]
+    in_place=false, cameras=None, file_fps=None, smooth=false, fps=None, same_tracker=false))]
 #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
 pub fn read_poses(
     py: Python<'_>,
@@ -194,6 +194,7 @@ pub fn read_poses(
     file_fps: Option<f64>,
     smooth: bool,
     fps: Option<f64>,
+    same_tracker: bool,
 ) -> PyResult<Poses> {
     let side = side.map(|side| match side {
         "left" => Ok(Side::Left),
@@ -207,6 +208,11 @@ pub fn read_poses(
         }
     }
     let model = avatar.map(Avatar::model).transpose()?;
+    let tracker = match (same_tracker, avatar) {
+        (true, Some(avatar)) => Some(avatar.tracker()?),
+        (true, None) => return Err(wrong("same_tracker: an avatar knows its tracker; give it")),
+        (false, _) => None,
+    };
     let sequence = py.detach(|| -> anyhow::Result<PoseSequence> {
         let built_in;
         let model = match &model {
@@ -223,10 +229,14 @@ pub fn read_poses(
         let options =
             PoseOptions { side, pose_model, flat_mean, mirrored, take, file_fps, smooth, by_id, in_place, cameras };
         let found = poses_of(&source, model, &options)?;
-        Ok(match fps {
+        let mut found = match fps {
             Some(fps) => found.resampled(fps)?,
             None => found,
-        })
+        };
+        if let Some(tracker) = &tracker {
+            found.frames.iter_mut().for_each(|frame| frame.pose = tracker.offsets.apply(&frame.pose, &model.parents));
+        }
+        Ok(found)
     });
     let mut sequence = sequence.map_err(failed)?;
     warn(py, &std::mem::take(&mut sequence.warnings))?;

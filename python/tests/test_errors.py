@@ -53,6 +53,10 @@ def test_wrong_poses_are_refused(hand):
         hand.pose(np.zeros((joints, 3)), frame=1)
     with pytest.raises(ValueError, match="metres"):
         hand.pose(translation=[1e9, 0, 0])
+    with pytest.raises(ghand.Error, match="does not know how its capture's tracker is off"):
+        hand.pose("fist", same_tracker=True)
+    with pytest.raises(ValueError, match="same_tracker: an avatar knows"):
+        ghand.read_poses("fist", same_tracker=True)
     with pytest.raises(ValueError, match="side"):
         ghand.read_poses("fist", side="both")
 

@@ -22,6 +22,7 @@ pub mod lpips_weights;
 pub mod pose_choice;
 pub mod run_files;
 pub mod runtime_dir;
+pub mod same_tracker;
 pub mod scene_file;
 pub mod train_run;
 #[cfg(feature = "viewer")]

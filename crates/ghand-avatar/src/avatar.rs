@@ -2,6 +2,7 @@
 
 use ghand_core::HandModel;
 use ghand_core::mesh::RenderMesh;
+use ghand_core::pose_offsets::TrackerOffsets;
 use ghand_hand_model::{HandModelError, SurfaceSamples, surface};
 use serde::{Deserialize, Serialize};
 
@@ -43,6 +44,8 @@ pub struct Avatar {
     /// selection of the training views; N numbers of at least 0. Unknown for untrained avatars and for those from
     /// elsewhere.
     pub seen: Option<Vec<f32>>,
+    /// How the tracker that gave the capture's poses is constantly off; unknown where training did not refine them.
+    pub tracker: Option<TrackerOffsets>,
     /// Its origin.
     pub provenance: Provenance,
 }
@@ -116,6 +119,7 @@ impl Avatar {
             tables,
             light: None,
             seen: None,
+            tracker: None,
             provenance: Provenance::default(),
         })
     }

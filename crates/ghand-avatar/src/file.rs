@@ -5,12 +5,14 @@ use std::path::{Path, PathBuf};
 
 use bytemuck::Pod;
 use ghand_core::light::DIRECTION_COUNT;
+use ghand_core::pose::LARGEST_TRANSLATION;
+use ghand_core::pose_offsets::{PoseOffsets, TrackerOffsets};
 use ghand_core::{HandModel, Side};
 use ghand_files::atomic_file::write_atomically;
 use ghand_files::input_file;
 use ghand_files::json_error::plain_json_error;
 use ghand_hand_model::surface::sample_surface;
-use glam::{DQuat, DVec2, DVec3};
+use glam::{DMat3, DQuat, DVec2, DVec3};
 use safetensors::tensor::{Dtype, TensorView};
 use safetensors::{SafeTensors, serialize};
 use serde::{Deserialize, Serialize};
@@ -40,6 +42,8 @@ const UNLIT_VERSION: u32 = 2;
 const LARGEST_FILE: u64 = 1 << 32;
 /// Largest UV resolution of a network avatar: its atlas is sampled when the file is read.
 const MAX_NETWORK_RESOLUTION: u32 = 2048;
+/// Difference of a quaternion's squared length from 1 by rounding.
+const ROUNDED_LENGTH: f64 = 1e-6;
 /// Key of the JSON block in the file's metadata.
 const METADATA_KEY: &str = "ghand";
 
@@ -181,6 +185,13 @@ fn tensors(avatar: &Avatar) -> Tensors {
     }
     if let Some(seen) = &avatar.seen {
         out.add("seen", Dtype::F32, &[seen.len()], seen);
+    }
+    if let Some(TrackerOffsets { offsets, errors, frames }) = &avatar.tracker {
+        let turns: Vec<f64> = offsets.turns.iter().flat_map(|turn| DQuat::from_mat3(turn).to_array()).collect();
+        out.add("tracker.turns", Dtype::F64, &[offsets.turns.len(), 4], &turns);
+        out.add("tracker.errors", Dtype::F64, &[errors.len()], errors);
+        out.add("tracker.shifts", Dtype::F64, &[2, 3], &flat3(&[offsets.shift, offsets.root_shift]));
+        out.add("tracker.frames", Dtype::U32, &[1], &[*frames]);
     }
     // Of a baked avatar the mesh is only looked at.
     let mut numbers = |name: &str, shape: &[usize], values: &[f64]| match is_baked {
@@ -483,9 +494,10 @@ impl<'a> Reader<'a> {
         }
         let light = meta.light.map(|kind| self.light(kind, count, model.faces.len(), joints)).transpose()?;
         let seen = self.has("seen").then(|| self.seen(count)).transpose()?;
+        let tracker = self.has("tracker.turns").then(|| self.tracker(joints)).transpose()?;
         let config = config.clone();
         let provenance = meta.provenance.clone();
-        Ok(Avatar { template, model, config, tables, light, seen, provenance })
+        Ok(Avatar { template, model, config, tables, light, seen, tracker, provenance })
     }
 
     /// The tables of a baked avatar; `None` if it is none.
@@ -532,6 +544,29 @@ impl<'a> Reader<'a> {
     }
 
     /// How much training saw each of `count` Gaussians.
+    fn tracker(&self, joints: usize) -> Result<TrackerOffsets, AvatarFileError> {
+        let wrong = |field: &str, what: &str| self.invalid(field, format!("{what}; train the avatar again"));
+        let mut turns = vec![];
+        for turn in self.doubles("tracker.turns", &[Some(joints), Some(4)])?.chunks_exact(4) {
+            let turn = DQuat::from_slice(turn);
+            if (turn.length_squared() - 1.0).abs() > ROUNDED_LENGTH {
+                return Err(wrong("tracker.turns", "has a quaternion of another length than 1"));
+            }
+            turns.push(DMat3::from_quat(turn.normalize()));
+        }
+        let shifts = self.doubles("tracker.shifts", &[Some(2), Some(3)])?;
+        if shifts.iter().any(|shift| shift.abs() > LARGEST_TRANSLATION) {
+            return Err(wrong("tracker.shifts", "has a shift that is no hand's"));
+        }
+        let errors = self.doubles("tracker.errors", &[Some(joints)])?;
+        if errors.iter().any(|error| *error < 0.0) {
+            return Err(wrong("tracker.errors", "has a negative number"));
+        }
+        let [shift, root_shift] = [0, 3].map(|k| DVec3::from_slice(&shifts[k..k + 3]));
+        let frames = self.words("tracker.frames", &[Some(1)])?[0];
+        Ok(TrackerOffsets { offsets: PoseOffsets { turns, shift, root_shift }, errors, frames })
+    }
+
     fn seen(&self, count: usize) -> Result<Vec<f32>, AvatarFileError> {
         let seen = self.floats("seen", &[Some(count)])?;
         match seen.iter().position(|weight| *weight < 0.0) {

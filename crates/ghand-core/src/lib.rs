@@ -15,6 +15,7 @@ pub mod mesh;
 mod parallel;
 pub mod pose;
 pub mod pose_error;
+pub mod pose_offsets;
 pub mod pose_response;
 pub mod posing;
 pub mod residual_skeleton;

@@ -3,9 +3,9 @@
 use std::collections::BTreeSet;
 
 use ghand_capture::{Capture, Split, SplitView};
+use ghand_core::pose_offsets::PoseOffsets;
 use ghand_core::{HandModel, Pose};
 use ghand_fit::alignment::AlignmentError;
-use ghand_fit::alignment::pose_offsets::PoseOffsets;
 use ghand_fit::alignment::single_frames::{PoseKnowledge, SingleFrame, align_single_frames};
 use serde::{Deserialize, Serialize};
 
@@ -75,9 +75,9 @@ pub fn given_views(capture: &Capture, split: &Split) -> Vec<PosedView> {
     split.views.iter().map(view).collect()
 }
 
-/// The images of a split in the poses of an avatar that was trained on refined poses with these offsets.
+/// The images of a split in the capture's poses, mapped by these offsets.
 pub fn aligned_views(capture: &Capture, split: &Split, offsets: &PoseOffsets) -> Vec<PosedView> {
-    let aligned = |view: PosedView| PosedView { pose: offsets.apply(&view.pose), ..view };
+    let aligned = |view: PosedView| PosedView { pose: offsets.apply(&view.pose, &capture.hand_model.parents), ..view };
     given_views(capture, split).into_iter().map(aligned).collect()
 }
 

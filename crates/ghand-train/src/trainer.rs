@@ -15,6 +15,7 @@ use ghand_avatar::{Avatar, AvatarLight, Provenance};
 use ghand_capture::images::color_correction::ColorMap;
 use ghand_capture::mask::AlignedHand;
 use ghand_capture::{Capture, ColorCorrection, Split, SplitView};
+use ghand_core::pose_offsets::TrackerOffsets;
 use ghand_core::{Camera, HandModel, Pose};
 use ghand_hand_model::surface;
 use ghand_render::Gpu;
@@ -27,6 +28,7 @@ use crate::memory_check;
 use crate::settings::{Align, ExposureChoice, LightChoice, Model, Simplify, TrainSettings};
 use crate::train_error::TrainError;
 use crate::visible_gaussians::visible_gaussians;
+use ghand_fit::alignment::pose_offsets::tracker_offsets;
 use ghand_fit::alignment::{Alignment, AlignmentError, align};
 use ghand_fit::exposure::{ExposureFit, fit_exposure};
 use ghand_fit::light_fit::{LightFit, fit_light_to};
@@ -436,6 +438,7 @@ impl<'a> Trainer<'a> {
         let stopped = done.stopped;
         let mut avatar = done.avatar;
         avatar.limit_response(&problem.seen_poses());
+        avatar.tracker = problem.tracker();
         let may_leave_out = !stopped && problem.settings.model == Model::Direct;
         if let Some(simplification) = problem.prepared.simplification.as_mut().filter(|_| may_leave_out) {
             let views = &problem.views;
@@ -609,6 +612,12 @@ impl Problem {
             watched.views = TrainViews::new(&self.capture, &split, CROP_MARGIN)?;
         }
         Ok(())
+    }
+
+    /// How the tracker that gave the capture's poses is off, where training refined them.
+    fn tracker(&self) -> Option<TrackerOffsets> {
+        let given: Vec<Pose> = self.split.frames.iter().map(|frame| self.capture.frames[*frame].pose.clone()).collect();
+        tracker_offsets(&given, &self.prepared.poses, &self.capture.template.parents)
     }
 
     /// The poses of the frames with training images.

@@ -187,9 +187,11 @@ class Avatar:
         translation: ArrayLike | None = None,
         *,
         frame: int | str | None = None,
+        same_tracker: bool = False,
     ) -> PosedAvatar:
         """The avatar in a pose (at rest by default): one of `ghand.POSES`, a file (of several poses with `frame`), a
-        `Pose`, rotations of all joints as `Pose` takes them, or axis-angle rotations by joint names."""
+        `Pose`, rotations of all joints as `Pose` takes them, or axis-angle rotations by joint names.
+        `same_tracker`: it comes from the tracker that gave the avatar's training poses, whose constant errors are undone."""
     def render_batch(
         self,
         poses: _AnyPose | Iterable[_AnyPose],
@@ -244,6 +246,7 @@ def read_poses(
     file_fps: float | None = None,
     smooth: bool = False,
     fps: float | None = None,
+    same_tracker: bool = False,
 ) -> Poses:
     """Reads one of `ghand.POSES` or `ghand.MOTIONS`, or a file of poses of any kind that ghand reads, for an avatar's
     skeleton; without one, for the built-in right hand. The keywords are the options of `ghand render`."""

@@ -17,6 +17,7 @@ use ghand_app::file_kind::{FileKind, file_kind};
 use ghand_app::light_args::LightArgs;
 use ghand_app::lighting::Lighting;
 use ghand_app::pose_choice::PoseReadingArgs;
+use ghand_app::same_tracker::SameTrackerArgs;
 use ghand_app::say;
 use ghand_app::train_run::run_folder::last_avatar;
 use ghand_app::viewer::app::Viewer;
@@ -47,6 +48,8 @@ struct Arguments {
     pose: Option<String>,
     #[command(flatten)]
     reading: PoseReadingArgs,
+    #[command(flatten)]
+    same_tracker: SameTrackerArgs,
     #[command(flatten)]
     light: LightArgs,
     /// Play the avatar baked, which is faster; it is baked first, unless it is beside the avatar already
@@ -140,9 +143,15 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
     let light = arguments.light.lighting();
     let (mut subject, source) = subject(path.as_deref(), &light)?;
     match (&mut subject, arguments.pose) {
-        (_, None) => {}
+        (_, None) => arguments.same_tracker.refuse("says what poses are, and needs --pose")?,
         (Subject::Hand(hand), Some(text)) => {
-            let sequence = arguments.reading.load(&text, hand.model())?;
+            let mut sequence = arguments.reading.load(&text, hand.model())?;
+            match (hand.avatar(), &path) {
+                (Some(avatar), Some(path)) => {
+                    sequence = arguments.same_tracker.apply(&text, sequence, avatar, path)?;
+                }
+                _ => arguments.same_tracker.refuse("only an avatar's file knows a tracker")?,
+            }
             hand.show(text, sequence);
         }
         (Subject::Scene { .. }, Some(_)) => {

@@ -7,7 +7,7 @@ use clap::{Args, ValueEnum};
 use ghand_avatar::Avatar;
 use ghand_capture::Capture;
 use ghand_core::Pose;
-use ghand_fit::alignment::pose_offsets::PoseOffsets;
+use ghand_fit::alignment::pose_offsets::offsets_between;
 use ghand_fit::alignment::single_frames::pose_knowledge;
 use ghand_measure::evaluation::ImageMetrics;
 use ghand_measure::protocol::Protocol;
@@ -21,6 +21,7 @@ use crate::cli::AdapterArgs;
 use crate::command_inputs::refuse_capture_folder;
 use crate::lpips_args::LpipsArgs;
 use crate::run_files::{CAMERAS_FILE, METRICS_FILE, POSES_FILE, REPORT_FILE};
+use crate::same_tracker::{describe, tracker_of};
 use crate::say;
 use crate::train_run::evaluation::{TestImages, evaluate_images, print_image_table};
 use crate::train_run::interruption::Interruption;
@@ -46,6 +47,9 @@ pub struct EvaluateArgs {
     /// In which poses avatar and floor are drawn [default: given if the capture has exact poses, else masks]
     #[arg(long, value_enum)]
     protocol: Option<ProtocolArg>,
+    /// The test poses come from the tracker that gave the training poses: undo its constant errors, as training found them
+    #[arg(long)]
+    same_tracker: bool,
     /// Split that the avatar was trained on: the floor's texture is made from its images [default: as the avatar says]
     #[arg(long)]
     train_split: Option<String>,
@@ -64,7 +68,7 @@ pub struct EvaluateArgs {
 }
 
 /// [`Protocol`] as an option.
-#[derive(Debug, Clone, Copy, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum ProtocolArg {
     /// The capture's poses, untouched
     Given,
@@ -132,7 +136,11 @@ pub fn run_watched(args: &EvaluateArgs, adapter: &AdapterArgs, interruption: &In
     let refined = file.as_ref().map(|file| poses_of_split(file, &capture, train_split)).transpose()?;
     let mut scored = capture.clone();
     let default = if capture.truth.is_some() { ProtocolArg::Given } else { ProtocolArg::Masks };
-    let (protocol, views) = match args.protocol.unwrap_or(default) {
+    let chosen = args.protocol.unwrap_or(default);
+    if args.same_tracker && chosen != ProtocolArg::Given {
+        bail!("--same-tracker: is for the capture's own poses; give --protocol given");
+    }
+    let (protocol, views) = match chosen {
         ProtocolArg::Masks => {
             let cameras = args.avatar.parent().map(|folder| folder.join(CAMERAS_FILE)).filter(|file| file.exists());
             if let Some(file) = &cameras {
@@ -145,6 +153,11 @@ pub fn run_watched(args: &EvaluateArgs, adapter: &AdapterArgs, interruption: &In
             // As in training, masks end where the avatar's template does.
             scored.align_masks(&avatar.model, &split.frames, &poses);
             (Protocol::Masks, views)
+        }
+        ProtocolArg::Given if args.same_tracker => {
+            let tracker = tracker_of(&avatar, &args.avatar)?;
+            say!("poses: {}", describe(tracker));
+            (Protocol::Given, aligned_views(&capture, split, &tracker.offsets))
         }
         ProtocolArg::Given => (Protocol::Given, given_views(&capture, split)),
         ProtocolArg::HandAvatar => (Protocol::HandAvatar, given_views(&capture, split)),
@@ -205,7 +218,7 @@ fn check_out(args: &EvaluateArgs) -> anyhow::Result<()> {
 /// The test images in poses mapped by the offsets of the refined training poses.
 fn aligned(capture: &Capture, split: &str, train_split: &str, refined: &[Pose]) -> anyhow::Result<Vec<PosedView>> {
     let truth = true_poses(capture, train_split).context("--protocol aligned")?;
-    let offsets = PoseOffsets::between(&truth, refined, &capture.hand_model.parents);
+    let offsets = offsets_between(&truth, refined, &capture.hand_model.parents);
     say!("offsets of the refined training poses: {:.2} degrees per joint on average", offsets.mean_degrees());
     Ok(aligned_views(capture, capture.split(split)?, &offsets))
 }

@@ -13,7 +13,6 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use clap::{Args, ValueEnum};
 use ghand_avatar::Avatar;
-use ghand_core::HandModel;
 use ghand_files::atomic_file::check_writable;
 use ghand_hand_model::joints::xr_names::{XrNames, xr_joint_names};
 use ghand_motion::PoseSequence;
@@ -24,6 +23,7 @@ use crate::file_kind::{FileKind, file_kind};
 use crate::hand_model_args::HandModelArgs;
 use crate::hand_model_file::is_hand_name;
 use crate::pose_choice::{PoseReadingArgs, choose_frame};
+use crate::same_tracker::SameTrackerArgs;
 use format::ExportFormat;
 
 /// Edge of a texture, texels, if the command line says nothing else.
@@ -51,6 +51,8 @@ pub struct ExportArgs {
     pose: Vec<String>,
     #[command(flatten)]
     reading_poses: PoseReadingArgs,
+    #[command(flatten)]
+    same_tracker: SameTrackerArgs,
     /// Only the frame with this id or number, counted from 0 [default: all]
     #[arg(long, value_name = "ID")]
     frame: Option<String>,
@@ -123,6 +125,7 @@ pub fn run(args: &ExportArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         if args.frame.is_some() {
             bail!("--frame: chooses a frame of a motion, and needs --pose; give it, or omit --frame");
         }
+        args.same_tracker.refuse("says what poses are, and needs --pose")?;
     }
     match (&args.out, &args.spark) {
         (Some(out), _) => {
@@ -132,7 +135,10 @@ pub fn run(args: &ExportArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
             check_writable(out).with_context(|| format!("--out {}: cannot be written", out.display()))?;
             match format {
                 ExportFormat::Glb if is_avatar(&args.subject) => avatar_glb::write(args, out, adapter),
-                ExportFormat::Glb => hand_model::write(args, out),
+                ExportFormat::Glb => {
+                    args.same_tracker.refuse("a hand model knows no tracker")?;
+                    hand_model::write(args, out)
+                }
                 ExportFormat::Ply | ExportFormat::Spz => scene::write(args, format, out, &inputs, adapter),
                 ExportFormat::Html => web_page::write(args, out, adapter),
             }
@@ -182,8 +188,9 @@ impl ExportArgs {
     }
 
     /// The frames of a pose or a motion by name or of a file; of it, with --frame, one.
-    fn frames(&self, pose: &str, model: &HandModel) -> anyhow::Result<PoseSequence> {
-        let mut sequence = self.reading_poses.load(pose, model)?;
+    fn frames(&self, pose: &str, avatar: &Avatar) -> anyhow::Result<PoseSequence> {
+        let sequence = self.reading_poses.load(pose, &avatar.model)?;
+        let mut sequence = self.same_tracker.apply(pose, sequence, avatar, &self.subject)?;
         if let Some(wanted) = &self.frame {
             sequence.frames = vec![choose_frame(sequence.frames, wanted).with_context(|| pose.to_owned())?];
         }

@@ -22,6 +22,7 @@ use crate::command_inputs::{CommandInputs, camera_file};
 use crate::format_args::FormatArgs;
 use crate::light_args::LightArgs;
 use crate::pose_choice::{PoseReadingArgs, frame_number};
+use crate::same_tracker::SameTrackerArgs;
 use crate::say;
 use ghand_pictures::blank_pictures::BlankPictures;
 
@@ -42,6 +43,8 @@ pub struct RenderArgs {
     pose: String,
     #[command(flatten)]
     reading: PoseReadingArgs,
+    #[command(flatten)]
+    same_tracker: SameTrackerArgs,
     /// Only the frame with this id or number, counted from 0 [default: every frame of the file]
     #[arg(long, value_name = "ID")]
     frame: Option<String>,
@@ -106,6 +109,7 @@ pub fn run(args: &RenderArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         true => args.reading.load_with_fit(&args.pose, &avatar.model)?.0,
         false => args.reading.load(&args.pose, &avatar.model)?,
     };
+    let sequence = args.same_tracker.apply(&args.pose, sequence, &avatar, &args.avatar)?;
     let fps = film_rate(args, &sequence);
     let frames = chosen_frames(args, sequence.frames)?;
     if args.orbit.is_some() && frames.len() == 1 {

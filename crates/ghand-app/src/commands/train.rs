@@ -19,6 +19,7 @@ use crate::capture_args::CaptureArgs;
 use crate::cli::{AdapterArgs, Stopped};
 use crate::lpips_args::LpipsArgs;
 use crate::run_files::{ALIGN_FILE, AVATAR_FILE, PAGE_FILE, REPORT_FILE};
+use crate::same_tracker::remark;
 use crate::say;
 use crate::train_run::evaluation::{failure, print_table};
 use crate::train_run::interruption::{Interruption, STOPPED_BEFORE_TRAINING};
@@ -120,6 +121,9 @@ pub fn run_watched(
     writing::write_report(&plan, &inputs, &trained, &evaluated, interruption)?;
     let metrics = &evaluated.metrics;
     print_table(metrics);
+    if let Some(line) = trained.avatar.tracker.as_ref().and_then(remark) {
+        say!("{line}");
+    }
     say!("avatar: {}", avatar_path.display());
     if evaluated.outlines.is_some() {
         say!("alignment: {}", plan.folder.file(ALIGN_FILE).display());

@@ -5,6 +5,9 @@ use std::path::Path;
 use crate::common::{assert_one_sentence, listing, run, save_avatar};
 use ghand_avatar::scene_files::SplatScene;
 use ghand_avatar::{Avatar, PropertyTables};
+use ghand_core::posing::pose_hand;
+use ghand_motion::PoseFrame;
+use glam::{DQuat, DVec3};
 
 const GHAND: &str = env!("CARGO_BIN_EXE_ghand");
 const VIEWER: &str = env!("CARGO_BIN_EXE_viewer");
@@ -150,8 +153,17 @@ fn a_page_for_spark_has_splats_bones_and_a_motion() {
     let motion: serde_json::Value = serde_json::from_slice(&read("motion.json")).unwrap();
     assert_eq!(motion["fps"], 5.0);
     assert_eq!(motion["bones"].as_array().unwrap().len(), avatar.template.joint_count());
-    let frames = motion["frames"].as_array().unwrap();
-    assert!(frames.len() > 10 && frames.iter().all(|f| f["rotations"].as_array().unwrap().len() == 16));
+    // A bone takes its joint to where the pose has it.
+    let frames: Vec<Vec<[f64; 7]>> = serde_json::from_value(motion["frames"].clone()).unwrap();
+    let poses = ghand_motion::motions::motion("count", &avatar.model, 5.0).unwrap().unwrap().frames;
+    assert!(frames.len() > 10 && frames.len() == poses.len());
+    for (frame, PoseFrame { pose, .. }) in frames.iter().zip(&poses) {
+        let posed = pose_hand(&avatar.model, &[], pose).unwrap();
+        for (k, [x, y, z, w, shift @ ..]) in frame.iter().enumerate() {
+            let place = DQuat::from_xyzw(*x, *y, *z, *w) * avatar.model.joints[k] + DVec3::from(*shift);
+            assert!(place.distance(posed.joints[k]) < 1e-6, "bone {k}: {place}, not {}", posed.joints[k]);
+        }
+    }
     let page = String::from_utf8(read("index.html")).unwrap();
     assert!(["hand.ply", "bones.bin", "motion.json", "SplatSkinning"].iter().all(|part| page.contains(part)));
 }

@@ -121,6 +121,11 @@ fn bad_input_is_one_sentence_and_leaves_nothing() {
         assert_eq!(listing(folder.path()), before, "{arguments:?}");
     };
     let with = |first: &[&'static str]| [first, &turntable].concat();
+    check(&with(&["hand.ghand", "--same-tracker"]), &["--same-tracker", "\"rest\"", "of no tracker"]);
+    check(
+        &with(&["hand.ghand", "--pose", "good.json", "--same-tracker"]),
+        &["--same-tracker", "hand.ghand", "does not know", "train it again"],
+    );
     check(&with(&["missing.ghand"]), &["missing.ghand"]);
     check(&with(&["cut.ghand"]), &["cut.ghand", "truncated"]);
     check(&with(&["text.ghand"]), &["text.ghand"]);

@@ -122,6 +122,41 @@ fn what_training_saw_is_optional_and_not_negative() {
 }
 
 #[test]
+fn a_trackers_offsets_are_optional_and_of_all_joints() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("hand.ghand");
+    let mut avatar = small();
+    let joints = avatar.template.joint_count();
+    let turns: Vec<DMat3> = (0..joints).map(|k| DMat3::from_rotation_y(0.01 * k as f64)).collect();
+    let offsets = PoseOffsets { turns, shift: DVec3::new(0.001, 0.0, -0.002), root_shift: DVec3::Y };
+    let tracker = TrackerOffsets { offsets, errors: vec![0.003; joints], frames: 24 };
+    avatar.tracker = Some(tracker.clone());
+    avatar.save(&path).unwrap();
+    let read = Avatar::load(&path).unwrap().tracker.unwrap();
+    assert_eq!((&read.errors, read.frames, read.offsets.shift), (&tracker.errors, 24, tracker.offsets.shift));
+    assert_eq!(read.offsets.root_shift, tracker.offsets.root_shift);
+    let same = |(a, b): (&DMat3, &DMat3)| a.abs_diff_eq(*b, 1e-12);
+    assert!(read.offsets.turns.iter().zip(&tracker.offsets.turns).all(same));
+    let without = without_tensor(&avatar, "tracker.turns");
+    assert_eq!(from_bytes(Path::new("a"), &without).unwrap().tracker, None);
+    type Damage = (&'static str, fn(&mut TrackerOffsets));
+    let spoil: [Damage; 5] = [
+        ("tracker.turns", |tracker| tracker.offsets.turns.truncate(2)),
+        ("tracker.turns", |tracker| tracker.offsets.turns[1] = DMat3::from_diagonal(DVec3::splat(f64::NAN))),
+        ("tracker.errors", |tracker| tracker.errors[1] = -1.0),
+        ("tracker.errors", |tracker| tracker.errors.truncate(1)),
+        ("tracker.shifts", |tracker| tracker.offsets.shift.x = 1e9),
+    ];
+    for (name, spoil) in spoil {
+        let mut spoilt = tracker.clone();
+        spoil(&mut spoilt);
+        avatar.tracker = Some(spoilt);
+        let error = avatar.save(&path).unwrap_err();
+        assert!(matches!(&error, AvatarFileError::Unreadable { field, .. } if field == name), "{name}: {error}");
+    }
+}
+
+#[test]
 fn avatars_without_light_keep_the_version_that_older_programs_read() {
     let text = |avatar: Avatar| String::from_utf8_lossy(&avatar.to_bytes(Path::new("a")).unwrap()).into_owned();
     assert!(text(small()).contains(r#"\"version\":2"#) && text(lit()).contains(r#"\"version\":3"#));

@@ -1,9 +1,9 @@
-//! The constant offsets between two ways to describe the same poses: an avatar that was trained on refined poses may have
-//! other rest axes of its joints, and another rest position, than the true hand.
-//!
-//! An offset C_k per joint, a and b describe all poses: R'_k = C_parent^T R_k C_k and t' = t + a + R_0 b.
+//! The constant offsets between two ways to describe the same poses, from frames of which both are known: an avatar that
+//! was trained on refined poses may have other rest axes of its joints, and another rest position, than the true hand, and
+//! the tracker that gave the first poses may be off in all frames alike.
 
 use ghand_core::Pose;
+use ghand_core::pose_offsets::{PoseOffsets, TrackerOffsets};
 use ghand_core::rotation::{axis_angle_from_rotation, rotation_from_axis_angle};
 use glam::{DMat3, DVec3};
 use nalgebra::{DMatrix, DVector, Matrix3};
@@ -11,70 +11,87 @@ use nalgebra::{DMatrix, DVector, Matrix3};
 /// Singular values below this fraction of the largest count as 0: the root's rotations are then too much alike to tell
 /// a and b apart, and the shortest pair is taken.
 const LEAST_SINGULAR_VALUE: f64 = 1e-9;
+/// Fewer frames do not tell what is constant in a tracker's errors from what is not.
+const LEAST_FRAMES: usize = 8;
+/// Times that the frames' weights are found anew.
+const REWEIGHTINGS: usize = 8;
+/// A frame this many times as far off as the typical one has half its weight (Cauchy's).
+const HALF_WEIGHT: f64 = 2.0;
+/// Median length of a vector of three normal numbers with variance 1.
+const MEDIAN_LENGTH: f64 = 1.538;
+/// Differences below this are rounding, radians and metres.
+const ROUNDING: f64 = 1e-9;
 
-/// What maps true poses to those that an avatar was trained on.
-#[derive(Debug, Clone, PartialEq)]
-pub struct PoseOffsets {
-    parents: Vec<Option<usize>>,
-    /// C_k.
-    turns: Vec<DMat3>,
-    /// a and b, metres.
-    shift: DVec3,
-    root_shift: DVec3,
+/// The offsets between true and refined poses of the same frames. `parents` are those of the joints, each before its
+/// children. From root to leaves, C_k is the chordal mean of (C_parent^T R_k)^T R'_k over the frames; a and b are
+/// found by least squares. Without frames there are no offsets.
+pub fn offsets_between(truth: &[Pose], refined: &[Pose], parents: &[Option<usize>]) -> PoseOffsets {
+    fit(truth, refined, parents, 0).offsets
 }
 
-impl PoseOffsets {
-    /// The offsets between true and refined poses of the same frames. `parents` are those of the joints, each before its
-    /// children. From root to leaves, C_k is the chordal mean of (C_parent^T R_k)^T R'_k over the frames; a and b are
-    /// found by least squares. Without frames there are no offsets.
-    pub fn between(truth: &[Pose], refined: &[Pose], parents: &[Option<usize>]) -> PoseOffsets {
-        let rotation = |pose: &Pose, joint: usize| {
-            rotation_from_axis_angle(pose.rotations.get(joint).copied().unwrap_or(DVec3::ZERO))
-        };
-        let mut turns: Vec<DMat3> = vec![];
-        for (joint, parent) in parents.iter().enumerate() {
-            let of_parent = turn_of(&turns, *parent);
-            let differences = truth.iter().zip(refined).map(|(truth, refined)| {
-                (of_parent.transpose() * rotation(truth, joint)).transpose() * rotation(refined, joint)
-            });
-            turns.push(chordal_mean(differences));
-        }
-        let frames: Vec<(DMat3, DVec3)> = (truth.iter().zip(refined))
-            .map(|(truth, refined)| (rotation(truth, 0), refined.translation - truth.translation))
+/// How the tracker that gave these poses is constantly off, where `refined` are better poses of the same frames; `None` if
+/// there are too few. Frames that are far off count little.
+pub fn tracker_offsets(given: &[Pose], refined: &[Pose], parents: &[Option<usize>]) -> Option<TrackerOffsets> {
+    let frames = given.len().min(refined.len());
+    (frames >= LEAST_FRAMES && given != refined).then(|| fit(given, refined, parents, REWEIGHTINGS))
+}
+
+/// Offsets from weighted frames; the weights, all 1 at first, are found anew some times.
+fn fit(from: &[Pose], to: &[Pose], parents: &[Option<usize>], reweightings: usize) -> TrackerOffsets {
+    let rotation =
+        |pose: &Pose, joint: usize| rotation_from_axis_angle(pose.rotations.get(joint).copied().unwrap_or(DVec3::ZERO));
+    let mut found = PoseOffsets { turns: vec![], shift: DVec3::ZERO, root_shift: DVec3::ZERO };
+    let mut errors = vec![];
+    for (joint, parent) in parents.iter().enumerate() {
+        let of_parent = found.turn(*parent);
+        let differences: Vec<DMat3> = (from.iter().zip(to))
+            .map(|(from, to)| (of_parent.transpose() * rotation(from, joint)).transpose() * rotation(to, joint))
             .collect();
-        let [shift, root_shift] = translations(&frames);
-        PoseOffsets { parents: parents.to_vec(), turns, shift, root_shift }
-    }
-
-    /// A pose of the true hand as one of the avatar.
-    pub fn apply(&self, pose: &Pose) -> Pose {
-        let turned = |(joint, rotation): (usize, &DVec3)| {
-            let rotation = rotation_from_axis_angle(*rotation);
-            let parent = self.parents.get(joint).copied().flatten();
-            let own = turn_of(&self.turns, Some(joint));
-            axis_angle_from_rotation(&(turn_of(&self.turns, parent).transpose() * rotation * own))
+        let mut weights = vec![1.0; differences.len()];
+        let mut turn = chordal_mean(&differences, &weights);
+        let lengths = |turn: &DMat3| -> Vec<f64> {
+            let off = |difference: &DMat3| axis_angle_from_rotation(&(turn.transpose() * *difference)).length();
+            differences.iter().map(off).collect()
         };
-        let root = rotation_from_axis_angle(pose.rotations.first().copied().unwrap_or(DVec3::ZERO));
-        Pose {
-            rotations: pose.rotations.iter().enumerate().map(turned).collect(),
-            translation: pose.translation + self.shift + root * self.root_shift,
+        for _ in 0..reweightings {
+            weights = weights_of(&lengths(&turn));
+            turn = chordal_mean(&differences, &weights);
         }
+        found.turns.push(turn);
+        errors.push(standard_error(&lengths(&turn), &weights));
     }
-
-    /// Mean angle of the joints' offsets, degrees.
-    pub fn mean_degrees(&self) -> f64 {
-        let angles = self.turns.iter().map(|turn| axis_angle_from_rotation(turn).length().to_degrees());
-        angles.sum::<f64>() / self.turns.len().max(1) as f64
+    let frames: Vec<(DMat3, DVec3)> =
+        (from.iter().zip(to)).map(|(from, to)| (rotation(from, 0), to.translation - from.translation)).collect();
+    let mut weights = vec![1.0; frames.len()];
+    [found.shift, found.root_shift] = translations(&frames, &weights);
+    for _ in 0..reweightings {
+        let off = |(root, difference): &(DMat3, DVec3)| (found.shift + *root * found.root_shift - *difference).length();
+        weights = weights_of(&frames.iter().map(off).collect::<Vec<_>>());
+        [found.shift, found.root_shift] = translations(&frames, &weights);
     }
+    TrackerOffsets { offsets: found, errors, frames: frames.len() as u32 }
 }
 
-fn turn_of(turns: &[DMat3], joint: Option<usize>) -> DMat3 {
-    joint.and_then(|joint| turns.get(joint)).copied().unwrap_or(DMat3::IDENTITY)
+/// Cauchy's weights of frames that are this far off, from 0 to 1.
+fn weights_of(lengths: &[f64]) -> Vec<f64> {
+    let mut sorted = lengths.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let typical = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0) + ROUNDING;
+    lengths.iter().map(|length| 1.0 / (1.0 + (length / (HALF_WEIGHT * typical)).powi(2))).collect()
 }
 
-/// The rotation with the least sum of squared differences of its entries from these.
-fn chordal_mean(rotations: impl Iterator<Item = DMat3>) -> DMat3 {
-    let sum = rotations.fold(DMat3::ZERO, |sum, rotation| sum + rotation);
+/// Standard error about one axis of a mean of frames that are this far off.
+fn standard_error(lengths: &[f64], weights: &[f64]) -> f64 {
+    let mut sorted = lengths.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let deviation = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0) / MEDIAN_LENGTH;
+    let squares: f64 = weights.iter().map(|weight| weight * weight).sum();
+    deviation * squares.sqrt() / weights.iter().sum::<f64>().max(f64::MIN_POSITIVE)
+}
+
+/// The rotation with the least sum of weighted squared differences of its entries from these.
+fn chordal_mean(rotations: &[DMat3], weights: &[f64]) -> DMat3 {
+    let sum = rotations.iter().zip(weights).fold(DMat3::ZERO, |sum, (rotation, weight)| sum + *rotation * *weight);
     let svd = Matrix3::from_column_slice(&sum.to_cols_array()).svd(true, true);
     let (Some(u), Some(v_transposed)) = (svd.u, svd.v_t) else { return DMat3::IDENTITY };
     let sign = (u * v_transposed).determinant().signum();
@@ -83,15 +100,16 @@ fn chordal_mean(rotations: impl Iterator<Item = DMat3>) -> DMat3 {
     DMat3::from_cols_slice(mean.as_slice())
 }
 
-/// a and b with the least sum of squares of a + R_0 b - difference over the frames.
-fn translations(frames: &[(DMat3, DVec3)]) -> [DVec3; 2] {
+/// a and b with the least weighted sum of squares of a + R_0 b - difference over the frames.
+fn translations(frames: &[(DMat3, DVec3)], weights: &[f64]) -> [DVec3; 2] {
     let mut matrix = DMatrix::zeros(3 * frames.len(), 6);
     let mut wanted = DVector::zeros(3 * frames.len());
-    for (frame, (root, difference)) in frames.iter().enumerate() {
+    for (frame, ((root, difference), weight)) in frames.iter().zip(weights).enumerate() {
+        let weight = weight.sqrt();
         for row in 0..3 {
-            matrix[(3 * frame + row, row)] = 1.0;
-            (0..3).for_each(|column| matrix[(3 * frame + row, 3 + column)] = root.col(column)[row]);
-            wanted[3 * frame + row] = difference[row];
+            matrix[(3 * frame + row, row)] = weight;
+            (0..3).for_each(|column| matrix[(3 * frame + row, 3 + column)] = weight * root.col(column)[row]);
+            wanted[3 * frame + row] = weight * difference[row];
         }
     }
     if frames.is_empty() {
@@ -128,7 +146,6 @@ mod tests {
 
     fn offsets() -> PoseOffsets {
         PoseOffsets {
-            parents: PARENTS.to_vec(),
             turns: (0..PARENTS.len()).map(|joint| rotation_from_axis_angle(0.3 * vector(joint + 7000))).collect(),
             shift: 0.01 * vector(8000),
             root_shift: 0.02 * vector(8001),
@@ -146,13 +163,13 @@ mod tests {
     }
 
     fn between(truth: &[Pose], refined: &[Pose]) -> PoseOffsets {
-        PoseOffsets::between(truth, refined, &PARENTS)
+        offsets_between(truth, refined, &PARENTS)
     }
 
     #[test]
     fn known_offsets_are_recovered() {
         let truth: Vec<Pose> = (0..6).map(pose).collect();
-        let refined: Vec<Pose> = truth.iter().map(|pose| offsets().apply(pose)).collect();
+        let refined: Vec<Pose> = truth.iter().map(|pose| offsets().apply(pose, &PARENTS)).collect();
         let found = between(&truth, &refined);
         for (joint, (found, expected)) in found.turns.iter().zip(&offsets().turns).enumerate() {
             assert!(found.abs_diff_eq(*expected, 1e-9), "joint {joint}: {found}, not {expected}");
@@ -161,8 +178,8 @@ mod tests {
         assert!(found.root_shift.abs_diff_eq(offsets().root_shift, 1e-9), "{}", found.root_shift);
         // They hold for poses that were not among the frames.
         let new = pose(77);
-        assert!(difference(&found.apply(&new), &offsets().apply(&new)) < 1e-9);
-        assert!(difference(&found.apply(&new), &new) > 0.1, "no offset at all");
+        assert!(difference(&found.apply(&new, &PARENTS), &offsets().apply(&new, &PARENTS)) < 1e-9);
+        assert!(difference(&found.apply(&new, &PARENTS), &new) > 0.1, "no offset at all");
     }
 
     #[test]
@@ -170,9 +187,9 @@ mod tests {
         let truth: Vec<Pose> = (0..4).map(pose).collect();
         let found = between(&truth, &truth);
         assert!(found.mean_degrees() < 1e-9);
-        assert!(difference(&found.apply(&pose(77)), &pose(77)) < 1e-9);
+        assert!(difference(&found.apply(&pose(77), &PARENTS), &pose(77)) < 1e-9);
         let none = between(&[], &[]);
-        assert!(difference(&none.apply(&pose(77)), &pose(77)) < 1e-12);
+        assert!(difference(&none.apply(&pose(77), &PARENTS), &pose(77)) < 1e-12);
     }
 
     #[test]
@@ -191,5 +208,35 @@ mod tests {
         assert!(root.abs_diff_eq(turn, 1e-12), "{root}");
         // Nothing tells a and b apart, but their sum is known.
         assert!((found.shift + found.root_shift).abs_diff_eq(0.3 * DVec3::X, 1e-12));
+    }
+
+    #[test]
+    fn a_trackers_offsets_are_found_among_noise_and_lost_frames_with_their_errors() {
+        let given: Vec<Pose> = (0..40).map(pose).collect();
+        let mut refined: Vec<Pose> = given.iter().map(|pose| offsets().apply(pose, &PARENTS)).collect();
+        for (k, pose) in refined.iter_mut().enumerate() {
+            // A fifth of the frames were lost by the tracker.
+            let size = if k % 5 == 4 { 1.5 } else { 0.05 };
+            for (joint, rotation) in pose.rotations.iter_mut().enumerate() {
+                let noise = rotation_from_axis_angle(size * vector(9000 + 100 * k + joint));
+                *rotation = axis_angle_from_rotation(&(rotation_from_axis_angle(*rotation) * noise));
+            }
+            pose.translation += 0.1 * size * vector(20_000 + k);
+        }
+        let TrackerOffsets { offsets: found, errors, frames } = tracker_offsets(&given, &refined, &PARENTS).unwrap();
+        let plain = offsets_between(&given, &refined, &PARENTS);
+        let off = |found: &PoseOffsets| -> Vec<f64> {
+            let turns = found.turns.iter().zip(offsets().turns);
+            turns.map(|(a, b)| axis_angle_from_rotation(&(a.transpose() * b)).length()).collect()
+        };
+        assert_eq!(frames, 40);
+        for (joint, (off, error)) in off(&found).iter().zip(&errors).enumerate() {
+            assert!(*off < 0.03 && *off < 6.0 * error && *error < 0.02, "joint {joint}: {off}, error {error}");
+        }
+        assert!(off(&found).iter().sum::<f64>() < 0.5 * off(&plain).iter().sum::<f64>(), "lost frames count");
+        assert!((found.shift - offsets().shift).length() < 0.004 && (plain.shift - offsets().shift).length() > 0.004);
+        // Too few frames, or poses that were not refined, tell nothing.
+        assert_eq!(tracker_offsets(&given[..7], &refined[..7], &PARENTS), None);
+        assert_eq!(tracker_offsets(&given, &given, &PARENTS), None);
     }
 }

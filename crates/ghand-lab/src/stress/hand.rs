@@ -379,6 +379,7 @@ fn random(draw: &mut Sampler, kind: HandKind, config: &AvatarConfig, count: usiz
         }),
         light: None,
         seen: None,
+        tracker: None,
         provenance: Provenance::default(),
     }
 }

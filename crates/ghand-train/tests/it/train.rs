@@ -2,13 +2,14 @@
 #![allow(clippy::neg_cmp_op_on_partial_ord, reason = "`!(error <= bound)` rejects NaN too")]
 
 use ghand_capture::Capture;
+use ghand_core::Pose;
 use ghand_core::pose_error::{moving_joints, pose_error_degrees};
 use ghand_measure::baseline::Baseline;
 use ghand_measure::evaluation::evaluate;
 use ghand_render::{AdapterChoice, Gpu};
 use ghand_synthetic::SyntheticOptions;
 use ghand_synthetic::make_capture::make_capture;
-use ghand_train::{TrainSettings, Trained, Trainer};
+use ghand_train::{ExposureChoice, LightChoice, TrainSettings, Trained, Trainer};
 
 fn gpu() -> Gpu {
     Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"))
@@ -79,4 +80,43 @@ fn an_unknown_split_is_one_clear_sentence() {
     let capture = small_capture(&gpu, &folder.path().join("capture"));
     let error = Trainer::new(&gpu, &capture, "nonsense", &TrainSettings::default()).err().unwrap().to_string();
     assert!(error.contains("nonsense") && error.contains("train5") && !error.contains('\n'), "{error}");
+}
+
+#[test]
+fn a_trackers_constant_errors_are_known_after_training() {
+    let gpu = gpu();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("capture");
+    let options = SyntheticOptions {
+        views: 5,
+        train_frames: 10,
+        test_frames: 1,
+        test_views: 1,
+        width: 128,
+        height: 192,
+        pose_noise_degrees: 2.0,
+        pose_bias_degrees: 6.0,
+        ..SyntheticOptions::default()
+    };
+    make_capture(&gpu, &options, &path).unwrap();
+    let capture = Capture::open(&path).unwrap();
+    let settings = TrainSettings {
+        iterations: 20,
+        uv_resolution: 32,
+        light: LightChoice::Off,
+        exposure: ExposureChoice::Off,
+        ..TrainSettings::default()
+    };
+    let trained = train(&gpu, &capture, &settings);
+    let tracker = trained.avatar.tracker.unwrap();
+    assert_eq!(tracker.frames, 10);
+    let frames = &capture.split("train").unwrap().frames;
+    let given: Vec<Pose> = frames.iter().map(|frame| capture.frames[*frame].pose.clone()).collect();
+    let truth: Vec<Pose> =
+        frames.iter().map(|frame| capture.truth.as_ref().unwrap()[*frame].clone().unwrap()).collect();
+    let parents = &capture.hand_model.parents;
+    let corrected: Vec<Pose> = given.iter().map(|pose| tracker.offsets.apply(pose, parents)).collect();
+    let moves = moving_joints(&given);
+    let [before, after] = [&given, &corrected].map(|poses| pose_error_degrees(poses, &truth, &moves));
+    assert!(after < 0.7 * before, "{before} degrees, corrected {after}");
 }

@@ -33,7 +33,7 @@ pub fn write(args: &ExportArgs, out: &Path, adapter: &AdapterArgs) -> anyhow::Re
     let mut opening: Option<Pose> = None;
     let mut sequences = vec![];
     for text in &args.pose {
-        let sequence = args.frames(text, &avatar.model)?;
+        let sequence = args.frames(text, &avatar)?;
         match &sequence.frames[..] {
             [frame] if opening.is_none() => opening = Some(frame.pose.clone()),
             [_] => bail!("--pose {text}: a second pose; a .glb opens in one, beside any number of motions"),

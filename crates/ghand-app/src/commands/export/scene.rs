@@ -27,7 +27,7 @@ pub fn write(
     adapter: &AdapterArgs,
 ) -> anyhow::Result<()> {
     let avatar = args.avatar()?;
-    let frames = args.frames(args.only_pose()?, &avatar.model)?.frames;
+    let frames = args.frames(args.only_pose()?, &avatar)?.frames;
     let paths: Vec<PathBuf> = match frames.len() {
         1 => vec![out.to_owned()],
         count => (0..count).map(|frame| numbered(out, frame)).collect(),

@@ -4,9 +4,10 @@ use std::path::Path;
 
 use anyhow::{Context, bail};
 use ghand_avatar::four_bones::FourBones;
-use ghand_avatar::framing::turntable;
+use ghand_avatar::framing::{middle, turntable};
 use ghand_avatar::scene_files::SplatScene;
 use ghand_avatar::{Avatar, PosedHand, Scene};
+use ghand_core::skeleton::{Affine, pose_skeleton};
 use ghand_core::{Camera, Pose};
 use ghand_files::atomic_file::{check_writable, write_atomically};
 use ghand_measure::metrics::{psnr_of, quantize};
@@ -50,7 +51,7 @@ pub fn write(args: &ExportArgs, folder: &Path, inputs: &CommandInputs, adapter: 
         bail!("{}: has {} joints; Spark moves at most 256", args.subject.display(), avatar.template.joint_count());
     }
     let pose = if args.pose.is_empty() { DEFAULT_MOTION } else { args.only_pose()? };
-    let motion = args.frames(pose, &avatar.model)?;
+    let motion = args.frames(pose, &avatar)?;
     let rest = PosedHand::splats_on_host(&avatar, &Pose::rest(avatar.model.joint_count()))?;
     let bones = FourBones::of(&avatar);
     let loss = match adapter.open() {
@@ -89,26 +90,23 @@ fn bone_bytes(bones: &FourBones) -> Vec<u8> {
     rows.flat_map(|(joints, weights)| joints.map(|joint| joint as u8).into_iter().chain(weights)).collect()
 }
 
-/// The skeleton at rest (metres), and per frame the place of the root and each bone's rotation about its parent's axes
-/// (x, y, z, w).
+/// The names of the bones, the middle of the hand at rest (metres), and per frame what takes each bone from rest to pose: a
+/// rotation (x, y, z, w) and a translation.
 fn motion_json(avatar: &Avatar, motion: &PoseSequence) -> serde_json::Value {
     let template = &avatar.template;
-    let bone = |k: usize| {
-        json!({
-            "name": template.joint_names[k], "parent": template.parents[k],
-            "rest": template.joints[k].as_vec3().to_array()
-        })
-    };
-    let frame = |pose: &Pose| {
-        let rotation = |v: &glam::DVec3| DQuat::from_scaled_axis(*v).as_quat().to_array();
-        json!({
-            "translation": pose.translation.as_vec3().to_array(),
-            "rotations": pose.rotations.iter().map(rotation).collect::<Vec<_>>()
-        })
+    let frame = |pose: &Pose| -> Vec<[f32; 7]> {
+        let chain = pose_skeleton(&template.parents, &template.joints, &pose.rotations);
+        let bone = |bone: &Affine| {
+            let [x, y, z, w] = DQuat::from_mat3(&bone.linear).as_quat().to_array();
+            let [a, b, c] = (bone.translation + pose.translation).as_vec3().to_array();
+            [x, y, z, w, a, b, c]
+        };
+        chain.posed_from_rest.iter().map(bone).collect()
     };
     json!({
         "fps": motion.fps,
-        "bones": (0..template.joint_count()).map(bone).collect::<Vec<_>>(),
+        "middle": middle(&avatar.model.vertices).as_vec3().to_array(),
+        "bones": template.joint_names,
         "frames": motion.frames.iter().map(|f| frame(&f.pose)).collect::<Vec<_>>()
     })
 }

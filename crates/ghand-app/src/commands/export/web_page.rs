@@ -38,7 +38,7 @@ pub fn write(args: &ExportArgs, out: &Path, adapter: &AdapterArgs) -> anyhow::Re
     let kind = "application/octet-stream";
     let mut page = PlayerPage { title, avatars: vec![Source::Inside { kind, bytes }], ..PlayerPage::default() };
     let text = args.only_pose()?;
-    let sequence = args.frames(text, &avatar.model)?;
+    let sequence = args.frames(text, &avatar)?;
     let first = sequence.frames.first().map(|frame| frame.pose.clone());
     if POSE_NAMES.contains(&text) {
         page.pose = Some(text.to_owned());

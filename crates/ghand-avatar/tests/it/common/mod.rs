@@ -68,6 +68,7 @@ pub fn random_avatar(seed: u64, config: &AvatarConfig) -> Avatar {
         tables: PropertyTables::Direct(tables),
         light: None,
         seen: None,
+        tracker: None,
         provenance: Default::default(),
     }
 }

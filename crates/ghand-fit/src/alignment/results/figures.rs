@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use ghand_core::Pose;
 use serde::Serialize;
 
-use crate::alignment::pose_offsets::PoseOffsets;
+use crate::alignment::pose_offsets::offsets_between;
 use crate::alignment::{Alignment, Calibration, MaskFit, OddCamera, TextureRefinement, TimeOffset};
 use ghand_core::pose_error::{moving_joints, pose_error_degrees};
 
@@ -142,8 +142,9 @@ impl TextureFigures {
 impl PoseErrors {
     fn new(alignment: &Alignment, given: &[Pose], truth: &[Pose]) -> PoseErrors {
         let moves = moving_joints(given);
-        let offsets = PoseOffsets::between(truth, &alignment.poses, &alignment.template.parents);
-        let shifted: Vec<Pose> = truth.iter().map(|pose| offsets.apply(pose)).collect();
+        let parents = &alignment.template.parents;
+        let offsets = offsets_between(truth, &alignment.poses, parents);
+        let shifted: Vec<Pose> = truth.iter().map(|pose| offsets.apply(pose, parents)).collect();
         let by_contours = alignment.texture.as_ref().map_or(&alignment.poses, |texture| &texture.contour_poses);
         let distance = |poses: &[Pose]| {
             let sum: f64 = poses.iter().zip(truth).map(|(p, t)| p.translation.distance(t.translation)).sum();
