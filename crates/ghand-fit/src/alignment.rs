@@ -5,6 +5,7 @@
 //! is shared. Then the skin's texture refines the poses (`texture.rs`). On the CPU, in f64; the same bits for any number of
 //! threads.
 
+mod blur;
 mod cameras;
 mod frame;
 mod outlines;
@@ -16,7 +17,9 @@ mod side;
 pub mod single_frames;
 mod spread;
 mod stragglers;
+pub mod synthesis;
 mod texture;
+mod triangles;
 
 use std::time::Instant;
 

@@ -13,6 +13,7 @@ use serde::{Deserialize, Serialize};
 use crate::settings::TrainSettings;
 use crate::trainer::simplification::Simplification;
 use ghand_fit::alignment::Alignment;
+use ghand_fit::alignment::synthesis::SynthesisRefinement;
 use ghand_fit::exposure::ExposureFit;
 use ghand_fit::light_fit::LightFit;
 use ghand_measure::protocol::PosedView;
@@ -110,6 +111,9 @@ pub struct StageState {
     pub losses: Losses,
     /// Steps that changed nothing.
     pub skipped: SkippedSteps,
+    /// How the poses were refined so far.
+    #[serde(default)]
+    pub refinements: Vec<SynthesisRefinement>,
     /// Learned numbers and their moments.
     pub numbers: Vec<SavedNumbers>,
 }
@@ -325,6 +329,7 @@ mod tests {
                 loss_at_start: 0.3,
                 losses: Losses::default(),
                 skipped: SkippedSteps::default(),
+                refinements: vec![],
                 numbers: vec![SavedNumbers { name: "a".into(), values: vec![1.5, f32::MIN_POSITIVE, -0.0] }],
             },
             seconds: 0.7,

@@ -32,6 +32,7 @@ pub(crate) fn rule(name: &str) -> Option<Rule> {
         "images_per_step" => Rule::Whole(1, 64),
         "network" => Rule::Word(&["quick", "paper"]),
         "align" => Rule::Word(&["contours", "paper", "off"]),
+        "refine" => Rule::Word(&["synthesis", "off"]),
         "light" => Rule::Word(&["auto", "transfer", "off"]),
         "gaussians" => Rule::Word(&["round", "flat"]),
         "gloss" => Rule::Word(&["auto", "always", "off"]),

@@ -1,6 +1,7 @@
 //! A training run: two stages over the views of a split.
 
 mod preview_sink;
+mod refinement;
 mod run;
 pub mod simplification;
 mod stage;
@@ -29,6 +30,7 @@ use crate::settings::{Align, ExposureChoice, LightChoice, Model, Simplify, Train
 use crate::train_error::TrainError;
 use crate::visible_gaussians::visible_gaussians;
 use ghand_fit::alignment::pose_offsets::tracker_offsets;
+use ghand_fit::alignment::synthesis::SynthesisRefinement;
 use ghand_fit::alignment::{Alignment, AlignmentError, align};
 use ghand_fit::exposure::{ExposureFit, fit_exposure};
 use ghand_fit::light_fit::{LightFit, fit_light_to};
@@ -107,6 +109,8 @@ pub struct Trained {
     pub stopped: bool,
     /// Steps without a finite gradient, of both stages, which changed nothing.
     pub skipped_steps: u64,
+    /// How the avatar refined the poses, with `refine=synthesis`.
+    pub refinements: Vec<SynthesisRefinement>,
     /// Wall-clock time of the run, seconds.
     pub seconds: f64,
     /// The loss, and the PSNR of images held out, over the run.
@@ -389,6 +393,7 @@ impl<'a> Trainer<'a> {
                 part_of_time: problem.settings.pose_stage().part,
                 done: 0,
                 refine_poses: true,
+                refines: false,
                 reduction: problem.settings.pose_stage().image_reduction.max(problem.reduction(&gpu)),
                 previews: 0,
             };
@@ -428,6 +433,7 @@ impl<'a> Trainer<'a> {
             part_of_time: 1.0,
             done: pose_iterations,
             refine_poses: false,
+            refines: true,
             reduction: problem.reduction(&gpu),
             previews: PREVIEWS,
         };
@@ -437,6 +443,9 @@ impl<'a> Trainer<'a> {
         let iterations = stage.done + done.iterations;
         let stopped = done.stopped;
         let mut avatar = done.avatar;
+        if !done.refinements.is_empty() {
+            problem.prepared.poses = done.poses;
+        }
         avatar.limit_response(&problem.seen_poses());
         avatar.tracker = problem.tracker();
         let may_leave_out = !stopped && problem.settings.model == Model::Direct;
@@ -475,6 +484,7 @@ impl<'a> Trainer<'a> {
             iterations,
             stopped,
             skipped_steps,
+            refinements: done.refinements,
             seconds,
             curve,
             previews,

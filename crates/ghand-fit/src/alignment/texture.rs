@@ -9,7 +9,7 @@
 //! these, of all frames together, are not explained better than by the poses before, nothing is refined; and frames of which
 //! they are explained clearly worse keep their poses.
 
-mod agreement;
+pub(super) mod agreement;
 mod bands;
 mod observations;
 pub(super) mod surface;

@@ -9,7 +9,9 @@ use ghand_capture::Capture;
 use ghand_render::{AdapterChoice, Gpu};
 use ghand_synthetic::SyntheticOptions;
 use ghand_synthetic::make_capture::make_capture;
-use ghand_train::{Align, Checkpoints, GlossChoice, LightChoice, Model, TrainError, TrainSettings, Trained, Trainer};
+use ghand_train::{
+    Align, Checkpoints, GlossChoice, LightChoice, Model, Refine, TrainError, TrainSettings, Trained, Trainer,
+};
 
 /// Runs `test` with a device and a small capture.
 fn with_capture(test: impl FnOnce(&Gpu, &Capture)) {
@@ -63,7 +65,20 @@ fn an_interrupted_run_ends_with_the_same_bytes() {
         // Of large networks the first steps overshoot: slow ones here.
         let slow = TrainSettings { rate_networks: 1e-5, rate_feature_tensor: 1e-5, ..network.clone() };
         let batch = TrainSettings { network: ghand_train::Network::Paper, iterations: 4, ..slow };
-        let cases = [(lit, &[1, 17, 33, 39][..]), (stages, &[7, 19, 20, 21, 30]), (network, &[2, 5, 6]), (batch, &[3])];
+        let refined = TrainSettings {
+            refine: Refine::Synthesis,
+            iterations: 600,
+            uv_resolution: 16,
+            light: LightChoice::Off,
+            ..settings()
+        };
+        let cases = [
+            (lit, &[1, 17, 33, 39][..]),
+            (stages, &[7, 19, 20, 21, 30]),
+            (refined, &[150, 200, 300]),
+            (network, &[2, 5, 6]),
+            (batch, &[3]),
+        ];
         for (settings, stops) in cases.into_iter().filter(|(settings, _)| is_built(&settings.model)) {
             let [unused, folder] = [tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap()];
             let whole = run(gpu, capture, &settings, unused.path(), u64::MAX).unwrap();
@@ -75,6 +90,10 @@ fn an_interrupted_run_ends_with_the_same_bytes() {
             assert_eq!((resumed.iterations, resumed.stopped), (settings.iterations, false));
             assert!(bytes(&whole) == bytes(&resumed), "{:?}, align {:?}", settings.model, settings.align);
             assert_eq!(whole.poses, resumed.poses);
+            let refined_after =
+                |trained: &Trained| trained.refinements.iter().map(|r| r.iteration).collect::<Vec<u64>>();
+            let expected: &[u64] = if settings.refine == Refine::Synthesis { &[200] } else { &[] };
+            assert!(refined_after(&whole) == expected && refined_after(&resumed) == expected);
             assert_eq!(whole.light.as_ref().map(|fit| &fit.light), resumed.light.as_ref().map(|fit| &fit.light));
             // The last checkpoint is that of the end.
             let again = run(gpu, capture, &settings, folder.path(), u64::MAX).unwrap();

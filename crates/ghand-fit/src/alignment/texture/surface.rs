@@ -3,6 +3,8 @@
 use ghand_core::{Camera, HandModel};
 use glam::{DVec2, DVec3};
 
+use crate::alignment::triangles::cover_faces;
+
 /// Number of points on the whole hand.
 const POINTS: f64 = 4000.0;
 /// Only points that follow one bone at least to this part count: where bones blend, skin does not move as skinning says.
@@ -15,8 +17,6 @@ const CELL: f64 = 4.0;
 /// A surface hides a point if it is nearer by more than this, metres: that much depth may vary over a cell and its
 /// neighbours on a surface seen at an angle.
 const HIDES: f64 = 0.008;
-/// Geometry nearer to the camera than this is ignored, metres.
-const NEAR: f64 = 0.01;
 
 /// A point of a face, moving with it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -80,13 +80,7 @@ impl NearestDepth {
     pub fn new(camera: &Camera, positions: &[DVec3], faces: &[[u32; 3]]) -> NearestDepth {
         let size = [camera.width, camera.height].map(|length| (f64::from(length) / CELL).ceil() as usize);
         let mut depth = vec![f64::INFINITY; size[0] * size[1]];
-        let projected: Vec<(DVec2, f64)> = positions.iter().map(|position| camera.project(*position)).collect();
-        for face in faces {
-            let corners = face.map(|corner| projected[corner as usize]);
-            if corners.iter().all(|(_, z)| *z >= NEAR) {
-                draw(&mut depth, size, corners);
-            }
-        }
+        cover_faces(camera, size, CELL, positions, faces, |_, at, z| depth[at] = depth[at].min(z));
         NearestDepth { size, depth: least_of_neighbours(&depth, size) }
     }
 
@@ -96,31 +90,6 @@ impl NearestDepth {
         let [columns, rows] = self.size;
         let is_inside = cell.x >= 0.0 && cell.y >= 0.0 && cell.x < columns as f64 && cell.y < rows as f64;
         is_inside && depth - self.depth[cell.y as usize * columns + cell.x as usize] < HIDES
-    }
-}
-
-/// Draws a triangle, given as pixels and camera z, if it is seen from its front.
-fn draw(depth: &mut [f64], [columns, rows]: [usize; 2], corners: [(DVec2, f64); 3]) {
-    let [a, b, c] = corners.map(|(pixel, _)| pixel / CELL - 0.5);
-    let area = (b - a).perp_dot(c - a);
-    // Counter-clockwise from outside is clockwise where y points down. Backs are behind fronts.
-    if area >= 0.0 {
-        return;
-    }
-    let (low, high) = (a.min(b).min(c), a.max(b).max(c));
-    let range = |low: f64, high: f64, size: usize| {
-        low.ceil().max(0.0) as usize..(high.floor() + 1.0).clamp(0.0, size as f64) as usize
-    };
-    for y in range(low.y, high.y, rows) {
-        for x in range(low.x, high.x, columns) {
-            let p = DVec2::new(x as f64, y as f64);
-            let weights = [(c - b).perp_dot(p - b), (a - c).perp_dot(p - c), (b - a).perp_dot(p - a)].map(|w| w / area);
-            if weights.iter().all(|weight| *weight >= 0.0) {
-                let over_z: f64 = weights.iter().zip(&corners).map(|(weight, (_, z))| weight / z).sum();
-                let at = &mut depth[y * columns + x];
-                *at = at.min(over_z.recip());
-            }
-        }
     }
 }
 
