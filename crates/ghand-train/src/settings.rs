@@ -134,9 +134,8 @@ pub struct TrainSettings {
     /// hinges. `off`: they stay as given.
     pub align: Align,
     /// How poses aligned to contours are refined while the avatar is trained, with `model=direct`. `synthesis`: after 200
-    /// of at least 600 iterations the avatar is drawn in each frame's pose, which moves to where the drawn images agree
-    /// with the frame's; images held out decide whether it does. Poses from elsewhere then fit the avatar less well.
-    /// `off`: they stay.
+    /// of at least 600 iterations, to where drawings of the avatar agree with all images of a frame; held-out images
+    /// decide. `off`: they stay.
     pub refine: Refine,
     /// How light is taken apart from skin. `transfer`: 64 directions of light, with the hand's shadows on itself; only
     /// few lamps in an even sky, unless all directions reduce the squared error in held-out frames by a twentieth.
