@@ -47,6 +47,8 @@ def test_wrong_options_are_refused(trained, tmp_path):
         (dict(settings={"iterations": "many"}), ghand.Error, "iterations"),
         (dict(preset="best"), ghand.Error, "preset"),
         (dict(speed=3), ValueError, "--speed"),
+        (dict(viewer=True), ghand.Error, "--viewer"),
+        (dict(print_config=True), ghand.Error, "--print-config"),
         (dict(on_progress=3), TypeError, "on_progress: must be callable, not 3"),
         (dict(resume=True, force=True), ValueError, "cannot be used with"),
     ]

@@ -28,8 +28,8 @@ pub fn tracker_of<'a>(avatar: &'a Avatar, path: &Path) -> anyhow::Result<&'a Tra
 /// Whether poses are of the tracker that gave the avatar's training poses.
 #[derive(Debug, Clone, Default, Args)]
 pub struct SameTrackerArgs {
-    /// The file's poses come from the tracker that gave the avatar's training poses: undo its constant errors, as training
-    /// found them
+    /// The file's poses come from the tracker that gave the avatar's training poses: undo how they differ from the avatar's
+    /// in all frames alike, as training found it
     #[arg(long)]
     same_tracker: bool,
 }
@@ -75,20 +75,21 @@ impl SameTrackerArgs {
 /// What is undone, for the user.
 pub fn describe(tracker: &TrackerOffsets) -> String {
     format!(
-        "constant errors of the tracker are undone, {:.1} degrees a joint (known to {:.1}, from {} frames)",
+        "what the tracker's poses differ by from the avatar's in all frames is undone, {:.1} degrees a joint (known to {:.1}, \
+         from {} frames)",
         tracker.offsets.mean_degrees(),
         mean_error_degrees(tracker),
         tracker.frames
     )
 }
 
-/// A line on a tracker whose poses are clearly off in all frames alike; `None` if they are not.
+/// A line on a tracker whose poses clearly differ from the avatar's in all frames alike; `None` if they do not.
 pub fn remark(tracker: &TrackerOffsets) -> Option<String> {
     let [off, error] = [tracker.offsets.mean_degrees(), mean_error_degrees(tracker)];
     (off > CLEARLY * error).then(|| {
         format!(
-            "tracker: the capture's poses are off by {off:.1} degrees a joint in all frames alike (known to {error:.1}); \
-             other poses of this tracker drive the avatar rightly with --same-tracker"
+            "tracker: the poses at the start differ from the avatar's by {off:.1} degrees a joint in all frames alike (known \
+             to {error:.1}); --same-tracker undoes that in other poses of their tracker"
         )
     })
 }

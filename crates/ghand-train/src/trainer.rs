@@ -437,6 +437,9 @@ impl<'a> Trainer<'a> {
             reduction: problem.reduction(&gpu),
             previews: PREVIEWS,
         };
+        if let Some(reason) = problem.why_not_refined(stage.iterations) {
+            log::warn!("refine=synthesis changes no poses: {reason}");
+        }
         let done = gpu
             .retry_on_device_loss("stage 2", |gpu| problem.run(gpu, &stage, &mut run, &mut progress))
             .map_err(name_setting)?;

@@ -47,7 +47,8 @@ pub struct EvaluateArgs {
     /// In which poses avatar and floor are drawn [default: given if the capture has exact poses, else masks]
     #[arg(long, value_enum)]
     protocol: Option<ProtocolArg>,
-    /// The test poses come from the tracker that gave the training poses: undo its constant errors, as training found them
+    /// The test poses come from the tracker that gave the training poses: undo how they differ from the avatar's in all
+    /// frames alike, as training found it
     #[arg(long)]
     same_tracker: bool,
     /// Split that the avatar was trained on: the floor's texture is made from its images [default: as the avatar says]

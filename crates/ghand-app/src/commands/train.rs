@@ -10,7 +10,7 @@ use std::convert::Infallible;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use anyhow::anyhow;
+use anyhow::{anyhow, bail};
 use clap::Args;
 use ghand_train::TrainingProgress;
 
@@ -97,6 +97,9 @@ pub fn run_watched(
     interruption: &Interruption,
     watch: Option<&mut dyn FnMut(&TrainingProgress)>,
 ) -> anyhow::Result<PathBuf> {
+    if watch.is_some() && (args.viewer || args.settings.print_config()) {
+        bail!("--viewer, --print-config: are for the program `train` only; leave them out");
+    }
     args.settings()?.check_build()?;
     let mut gpu = adapter.open()?;
     say!("adapter: {}", gpu.info.name);

@@ -64,6 +64,11 @@ impl SettingsArgs {
         self.max_time.is_some()
     }
 
+    /// Whether the option `--print-config` is given.
+    pub fn print_config(&self) -> bool {
+        self.print_config
+    }
+
     /// Name of the preset.
     pub fn preset(&self) -> &str {
         self.preset.as_deref().unwrap_or(DEFAULT_PRESET)

@@ -36,6 +36,21 @@ impl Problem {
         is_wanted && is_aligned && settings.model == Model::Direct
     }
 
+    /// Why `refine=synthesis` refines nothing in a stage of so many iterations; `None` if it does, or is not set.
+    pub(super) fn why_not_refined(&self, iterations: u64) -> Option<&'static str> {
+        let settings = &self.settings;
+        match () {
+            () if settings.refine != Refine::Synthesis => None,
+            () if settings.align != Align::Contours => Some("only poses aligned with align=contours are refined"),
+            () if settings.model != Model::Direct => Some("networks take too long to draw; set model=direct"),
+            () if !self.refines() => Some("the alignment was not used"),
+            () if !REFINED_AFTER.iter().any(|after| is_due(*after, iterations)) => {
+                Some("there are fewer than 600 iterations")
+            }
+            () => None,
+        }
+    }
+
     /// Whether poses are refined before an iteration of a stage.
     pub(super) fn refines_before(&self, stage: &Stage, iteration: u64) -> bool {
         stage.refines && self.refines() && is_due(iteration, stage.iterations)

@@ -93,7 +93,9 @@ pub(super) fn train(
     })?;
     if trained.stopped {
         let progress = plan.progress(trained.iterations);
-        say!("stopped early, after {progress}; saving and evaluating the avatar as it is");
+        // A host that stops a run does not wait for figures.
+        let what = if interruption.ends() { "saving" } else { "saving and evaluating" };
+        say!("stopped early, after {progress}; {what} the avatar as it is");
     }
     if let Some(simplification) = &trained.simplification {
         say!("{}", simplification.summary());
