@@ -365,15 +365,11 @@ impl Templates {
 fn true_hand(options: &SyntheticOptions) -> Result<TrueHand, HandModelError> {
     let person = random_hand(&builtin_hand(Side::Right)?, options.identity, options.bone_spread)?;
     let person = with_joints_of(options.format, person)?;
+    let detail = Detail::of_images([options.width, options.height]);
     if options.forearm {
-        return Ok(TrueHand::with_forearm(
-            forearm::with_forearm(&person)?,
-            options.side,
-            options.identity,
-            Detail::Fine,
-        ));
+        return Ok(TrueHand::with_forearm(forearm::with_forearm(&person)?, options.side, options.identity, detail));
     }
-    Ok(TrueHand::new(&person, options.side, options.identity))
+    Ok(TrueHand::new(&person, options.side, options.identity, detail))
 }
 
 /// The model with the joints of a format's poses: InterHand2.6M's are MANO's.

@@ -3,6 +3,7 @@
 pub(crate) mod atlas;
 pub(crate) mod complexion;
 pub(crate) mod curve;
+mod fine;
 pub(crate) mod folds;
 pub(crate) mod nails;
 

@@ -21,6 +21,9 @@ use crate::skin::complexion::Complexion;
 use crate::skin::folds::{Bend, Fold, Folds, bent};
 use crate::skin::{Look, Skin};
 
+/// From so many pixels on, images of a hand show pores and prints.
+const MANY_PIXELS: u64 = 1_000_000;
+
 /// How often the template's mesh is subdivided, whose edges are 3.6 mm long.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Detail {
@@ -28,12 +31,22 @@ pub(crate) enum Detail {
     Fine,
     /// Edges of about a millimetre: as fine as the pixels of videos, and four times as fast.
     Film,
+    /// As [`Detail::Fine`], with pores and prints.
+    Pores,
 }
 
 impl Detail {
+    /// What images of this size can show of a hand.
+    pub fn of_images([width, height]: [u32; 2]) -> Detail {
+        match u64::from(width) * u64::from(height) {
+            0..MANY_PIXELS => Detail::Fine,
+            _ => Detail::Pores,
+        }
+    }
+
     fn subdivisions(self) -> usize {
         match self {
-            Detail::Fine => 3,
+            Detail::Fine | Detail::Pores => 3,
             Detail::Film => 2,
         }
     }
@@ -72,9 +85,9 @@ impl TrueHand {
     /// Grows skin on a right hand ([`random_hand`]) by the seed; `side` is that of the result.
     ///
     /// [`random_hand`]: super::random_shape::random_hand
-    pub(crate) fn new(hand: &HandModel, side: Side, seed: u64) -> TrueHand {
+    pub(crate) fn new(hand: &HandModel, side: Side, seed: u64, detail: Detail) -> TrueHand {
         let whole = hand.without_blend_shapes();
-        TrueHand::grown(whole, hand.vertices.len(), side, seed, Detail::Fine)
+        TrueHand::grown(whole, hand.vertices.len(), side, seed, detail)
     }
 
     /// The same of a right hand with its forearm.
@@ -106,7 +119,7 @@ impl TrueHand {
                 (skin.look(&point), folds.at(&point))
             })
             .collect();
-        let atlas = Atlas::new(&model, &normals, &finger_weights, &skin, &folds);
+        let atlas = Atlas::new(&model, &normals, &finger_weights, &skin, &folds, detail);
         let light_visibility = LightVisibility::new(&anatomy, &model);
         let mut mesh = RenderMesh::from_model(&model);
         if side == Side::Left {
@@ -155,7 +168,7 @@ impl TrueHand {
 
     /// Rows and columns of the texture.
     pub(crate) fn texture_size(&self) -> u32 {
-        Atlas::SIZE as u32
+        self.atlas.size() as u32
     }
 
     /// The positions of [`TrueHand::pose`] alone.

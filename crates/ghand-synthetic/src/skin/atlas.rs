@@ -9,14 +9,19 @@ use super::complexion::Complexion;
 use super::folds::{Bend, Fold, Folds, bent};
 use super::{Look, Skin};
 use crate::hand::anatomy::SkinPoint;
+use crate::hand::true_hand::Detail;
 
-/// Texels of the atlas along each side: much finer than the pixels of the images.
+/// Texels of the atlas along each side: finer than the pixels of the images.
 const SIZE: usize = 1024;
+/// The same where images show pores.
+const SIZE_WITH_PORES: usize = 3072;
 /// Texels that a chart's colour reaches beyond its edge, so that bilinear sampling has no gaps.
 const MARGIN: usize = 3;
 
 /// The atlas of one hand.
 pub(crate) struct Atlas {
+    /// Rows and columns.
+    size: usize,
     /// Colours without the folds.
     rgb: Vec<[u8; 3]>,
     /// Texels that folds touch.
@@ -27,7 +32,9 @@ pub(crate) struct Atlas {
 
 impl Atlas {
     /// Rows and columns of its texture.
-    pub(crate) const SIZE: usize = SIZE;
+    pub(crate) fn size(&self) -> usize {
+        self.size
+    }
 
     /// `normals` and `finger_weights` are those of the model's vertices.
     pub(crate) fn new(
@@ -36,8 +43,10 @@ impl Atlas {
         finger_weights: &[Vec<f64>],
         skin: &Skin,
         folds: &Folds,
+        detail: Detail,
     ) -> Atlas {
-        let owners = owners(model);
+        let size = if detail == Detail::Pores { SIZE_WITH_PORES } else { SIZE };
+        let owners = owners(model, size);
         let texels: Vec<Option<(Look, Vec<Fold>)>> = (owners.par_iter())
             .map(|owner| {
                 let (face, b) = (*owner)?;
@@ -48,7 +57,11 @@ impl Atlas {
                     .collect();
                 let normal = mix(normals).normalize_or_zero();
                 let point = SkinPoint { position: mix(&model.vertices), normal, finger_weights: &finger_weights };
-                Some((skin.look(&point), folds.at(&point)))
+                let mut look = skin.look(&point);
+                if detail == Detail::Pores {
+                    look.color *= skin.fine_shade(&point);
+                }
+                Some((look, folds.at(&point)))
             })
             .collect();
         let filled: Vec<bool> = texels.iter().map(Option::is_some).collect();
@@ -56,7 +69,7 @@ impl Atlas {
         let folded = (texels.into_iter().zip(0..))
             .filter_map(|(texel, i)| texel.filter(|(_, folds)| !folds.is_empty()).map(|(look, folds)| (i, look, folds)))
             .collect();
-        Atlas { rgb, folded, margin: margin(filled) }
+        Atlas { size, rgb, folded, margin: margin(filled, size) }
     }
 
     /// The texture of a pose.
@@ -66,7 +79,7 @@ impl Atlas {
             (self.folded.par_iter()).map(|(_, look, folds)| bytes(bent(look, folds, bend, complexion).color)).collect();
         self.folded.iter().zip(painted).for_each(|((i, ..), color)| rgb[*i as usize] = color);
         self.margin.iter().for_each(|&(texel, source)| rgb[texel as usize] = rgb[source as usize]);
-        Texture { width: SIZE as u32, height: SIZE as u32, rgb }
+        Texture { width: self.size as u32, height: self.size as u32, rgb }
     }
 }
 
@@ -75,38 +88,38 @@ fn bytes(color: DVec3) -> [u8; 3] {
 }
 
 /// The face of each texel whose centre is on one, and its barycentric coordinates there.
-fn owners(model: &HandModel) -> Vec<Option<(u32, DVec3)>> {
-    let mut owners = vec![None; SIZE * SIZE];
+fn owners(model: &HandModel, size: usize) -> Vec<Option<(u32, DVec3)>> {
+    let mut owners = vec![None; size * size];
     for (face, uvs) in model.face_uvs.iter().enumerate() {
-        let corners = uvs.map(|i| model.uvs[i as usize] * SIZE as f64);
-        own_texels(corners, |texel, barycentric| owners[texel] = Some((face as u32, barycentric)));
+        let corners = uvs.map(|i| model.uvs[i as usize] * size as f64);
+        own_texels(corners, size, |texel, barycentric| owners[texel] = Some((face as u32, barycentric)));
     }
     owners
 }
 
 /// Calls `own` with every texel whose centre is in a triangle (corners in texels), and its barycentric coordinates.
-fn own_texels([a, b, c]: [DVec2; 3], mut own: impl FnMut(usize, DVec3)) {
+fn own_texels([a, b, c]: [DVec2; 3], size: usize, mut own: impl FnMut(usize, DVec3)) {
     let area = (b - a).perp_dot(c - a);
     if area == 0.0 {
         return;
     }
     let (low, high) = (a.min(b).min(c), a.max(b).max(c));
     let first = |v: f64| (v - 0.5).ceil().max(0.0) as usize;
-    let end = |v: f64| ((v - 0.5).floor() + 1.0).clamp(0.0, SIZE as f64) as usize;
+    let end = |v: f64| ((v - 0.5).floor() + 1.0).clamp(0.0, size as f64) as usize;
     for y in first(low.y)..end(high.y) {
         for x in first(low.x)..end(high.x) {
             let p = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
             let barycentric =
                 DVec3::new((c - b).perp_dot(p - b), (a - c).perp_dot(p - c), (b - a).perp_dot(p - a)) / area;
             if barycentric.min_element() >= 0.0 {
-                own(y * SIZE + x, barycentric);
+                own(y * size + x, barycentric);
             }
         }
     }
 }
 
 /// Texels around the filled ones, ring by ring, each with the filled texel that it copies.
-fn margin(mut filled: Vec<bool>) -> Vec<(u32, u32)> {
+fn margin(mut filled: Vec<bool>, size: usize) -> Vec<(u32, u32)> {
     let mut source: Vec<u32> = (0..filled.len() as u32).collect();
     let mut margin = vec![];
     for _ in 0..MARGIN {
@@ -114,9 +127,9 @@ fn margin(mut filled: Vec<bool>) -> Vec<(u32, u32)> {
             .into_par_iter()
             .filter(|&i| !filled[i])
             .filter_map(|i| {
-                let (x, y) = (i % SIZE, i / SIZE);
-                let around = |v: usize| v.saturating_sub(1)..=(v + 1).min(SIZE - 1);
-                let mut neighbours = around(y).flat_map(|y| around(x).map(move |x| y * SIZE + x));
+                let (x, y) = (i % size, i / size);
+                let around = |v: usize| v.saturating_sub(1)..=(v + 1).min(size - 1);
+                let mut neighbours = around(y).flat_map(|y| around(x).map(move |x| y * size + x));
                 neighbours.find(|&j| filled[j]).map(|j| (i as u32, source[j]))
             })
             .collect();
