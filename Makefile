@@ -3,7 +3,7 @@
 SHELL := bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup demo phone-demo test test-long python-test viewer web check libraries deny
+.PHONY: help setup demo phone-demo test test-long python-test elsewhere-test viewer web check libraries deny
 
 # Vulkan's loader and drivers expect a private runtime folder; containers and bare logins often have none.
 with_runtime_dir = if [ -z "$${XDG_RUNTIME_DIR:-}" ]; then \
@@ -14,7 +14,7 @@ with_runtime_dir = if [ -z "$${XDG_RUNTIME_DIR:-}" ]; then \
 	fi;
 
 help: ## This list
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-11s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 setup: ## Install what is missing (Debian, Ubuntu)
 	@bash scripts/setup.sh
@@ -46,6 +46,9 @@ test-long: ## Run all tests, with several times as many random cases
 
 python-test: setup ## Build the Python package and run its tests
 	@$(with_runtime_dir) bash scripts/python_test.sh
+
+elsewhere-test: setup ## Open the exports in three.js, PlayCanvas, Spark, Blender and others (see the script for what they need)
+	@$(with_runtime_dir) bash scripts/elsewhere_test.sh
 
 viewer: setup ## Open the viewer on AVATAR=FILE, else on the last trained avatar
 	@$(with_runtime_dir) cargo run --bin viewer -- $(if $(AVATAR),"$(AVATAR)")

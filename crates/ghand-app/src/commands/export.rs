@@ -3,6 +3,7 @@
 mod avatar_glb;
 mod format;
 mod hand_model;
+mod one_sided;
 mod scene;
 mod spark;
 mod web_page;

@@ -14,6 +14,7 @@ use glam::DVec3;
 use image::{ExtendedColorType, ImageEncoder};
 
 use super::hand_model::fit_correctives;
+use super::one_sided::one_sided;
 use super::{DEFAULT_TEXTURE, ExportArgs};
 use crate::baked::baked;
 use crate::cli::AdapterArgs;
@@ -106,7 +107,7 @@ impl PoseCorrectives {
         let frames: Vec<Vec<usize>> = sequences.iter().map(|(_, _, poses)| key_frames(poses.len())).collect();
         let keys = sequences.iter().zip(&frames).flat_map(|((_, _, poses), frames)| frames.iter().map(|k| &poses[*k]));
         let poses: Vec<Pose> = opening.into_iter().chain(keys).cloned().collect();
-        let Correctives { targets, weights } = Correctives::of(avatar, &poses)?;
+        let Correctives { targets, weights } = one_sided(&Correctives::of(avatar, &poses)?);
         let mut weights = weights.into_iter();
         let opening = opening.and_then(|_| weights.next()).unwrap_or_default();
         let keys = frames.into_iter().map(|frames| {
