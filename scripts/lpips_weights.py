@@ -2,16 +2,16 @@
 """Makes a file of LPIPS weights for `--lpips` of `train` and `ghand evaluate`.
 
     pip install lpips torchvision
-    python scripts/lpips_weights.py --out alex.safetensors
+    python scripts/lpips_weights.py --out alex.safetensors [--half]
 
 AlexNet's weights are torchvision's, which it downloads when it is first asked for them; the linear layers are those of
 the `lpips` package, version 0.1. With `--backbone FILE` (torchvision's `.pth` file of AlexNet) neither torch nor
-torchvision is needed, with `--linear FILE` the package `lpips` is not needed: only NumPy. Both kinds of weights have
-licences of their own; neither is part of this project.
+torchvision is needed, with `--linear FILE` the package `lpips` is not needed: only NumPy. The programs contain what
+`--half` makes, under the licences of both packages (`assets/lpips`).
 
-The file is a safetensors file, all F32: the convolutions under torchvision's names (`features.0.weight`,
-`features.0.bias`, ...), the channel weights of each compared layer as `linear.0`, ..., and optionally `lpips_backbone`
-(`alex`) and `lpips_version` (`0.1`) in the metadata.
+The file is a safetensors file, F32, with `--half` the convolutions' weights F16: the convolutions under torchvision's
+names (`features.0.weight`, `features.0.bias`, ...), the channel weights of each compared layer as `linear.0`, ..., and
+optionally `lpips_backbone` (`alex`) and `lpips_version` (`0.1`) in the metadata.
 """
 
 import argparse
@@ -159,7 +159,8 @@ def write_safetensors(path, tensors, metadata):
     header, start = {"__metadata__": metadata}, 0
     for name, array in tensors.items():
         end = start + array.nbytes
-        header[name] = {"dtype": "F32", "shape": list(array.shape), "data_offsets": [start, end]}
+        dtype = {"float32": "F32", "float16": "F16"}[array.dtype.name]
+        header[name] = {"dtype": dtype, "shape": list(array.shape), "data_offsets": [start, end]}
         start = end
     text = json.dumps(header).encode()
     text += b" " * (-len(text) % 8)
@@ -168,17 +169,19 @@ def write_safetensors(path, tensors, metadata):
     with open(part, "wb") as file:
         file.write(struct.pack("<Q", len(text)) + text)
         for array in tensors.values():
-            file.write(np.ascontiguousarray(array, "<f4").tobytes())
+            file.write(np.ascontiguousarray(array, array.dtype.newbyteorder("<")).tobytes())
     os.replace(part, path)
 
 
-def convert(backbone, linear, out):
+def convert(backbone, linear, out, half):
     source, from_backbone = backbone_tensors(backbone)
     tensors = {}
     for name in CONVOLUTIONS:
         for part in ("weight", "bias"):
             key = f"features.{name}.{part}"
             tensors[key] = tensor(source, from_backbone, key)
+            if half and part == "weight":
+                tensors[key] = tensors[key].astype(np.float16)
     source, from_linear = linear_tensors(linear)
     for tap, channels in enumerate(CHANNELS):
         weights = tensor(source, from_linear, f"lin{tap}.model.1.weight", (1, channels, 1, 1))
@@ -192,9 +195,10 @@ def main():
     parser.add_argument("--out", type=Path, required=True, help="the safetensors file to write")
     parser.add_argument("--backbone", type=Path, help="torchvision's .pth file [default: torchvision downloads it]")
     parser.add_argument("--linear", type=Path, help="the lpips package's weights/v0.1/alex.pth [default: as installed]")
+    parser.add_argument("--half", action="store_true", help="write the convolutions' weights as half floats")
     args = parser.parse_args()
     try:
-        count = convert(args.backbone, args.linear, args.out)
+        count = convert(args.backbone, args.linear, args.out, args.half)
     except (WrongFile, OSError) as error:
         sys.exit(f"error: {error}")
     print(f"{args.out}: {count} weights of AlexNet")

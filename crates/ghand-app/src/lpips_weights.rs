@@ -1,4 +1,4 @@
-//! The weights for LPIPS that a user names.
+//! The weights for LPIPS: built in, or a user's.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -13,7 +13,7 @@ use crate::say;
 /// Where the weights for LPIPS are. Part of a run's record on disk.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct LpipsWeights {
-    /// A safetensors file; `None`: without LPIPS.
+    /// A safetensors file; `None`: the built-in weights.
     pub lpips: Option<PathBuf>,
 }
 
@@ -26,30 +26,26 @@ impl LpipsWeights {
         Ok(LpipsWeights { lpips: self.lpips.as_ref().map(std::path::absolute).transpose()? })
     }
 
-    /// Reads the file, if one is given, and says in one line whether LPIPS is on.
+    /// Reads the file, if one is given, and then says so in one line.
     ///
     /// # Errors
     /// An error that names the file and its problem.
-    pub fn load(&self) -> anyhow::Result<Option<Arc<Lpips>>> {
-        let Some(path) = &self.lpips else {
-            say!("LPIPS: off; --lpips FILE turns it on");
-            return Ok(None);
-        };
+    pub fn load(&self) -> anyhow::Result<Arc<Lpips>> {
+        let Some(path) = &self.lpips else { return Ok(Arc::new(Lpips::built_in()?)) };
         let lpips = Lpips::load(path).context("--lpips")?;
         say!("LPIPS: backbone `{BACKBONE}`, from {}", path.display());
-        Ok(Some(Arc::new(lpips)))
+        Ok(Arc::new(lpips))
     }
 }
 
-/// Fails if images of a split are too small for LPIPS.
-///
-/// # Errors
-/// An error that names the camera and its size.
-pub fn check_image_sizes(lpips: Option<&Lpips>, capture: &Capture, split: &str) -> anyhow::Result<()> {
-    let (Some(lpips), Some(split)) = (lpips, capture.splits.get(split)) else { return Ok(()) };
-    for view in &split.views {
+/// LPIPS, if all images of a split are large enough for it; else says which camera's are not.
+pub fn for_images<'a>(lpips: &'a Lpips, capture: &Capture, split: &str) -> Option<&'a Lpips> {
+    for view in capture.splits.get(split).iter().flat_map(|split| &split.views) {
         let camera = &capture.cameras[view.camera];
-        lpips.check_size([camera.width, camera.height]).with_context(|| format!("camera {}", camera.id))?;
+        if let Err(refusal) = lpips.check_size([camera.width, camera.height]) {
+            say!("LPIPS: not computed for the split `{split}`, camera {}: {refusal}", camera.id);
+            return None;
+        }
     }
-    Ok(())
+    Some(lpips)
 }

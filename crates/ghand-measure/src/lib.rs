@@ -7,10 +7,6 @@ pub mod baseline;
 pub mod error_bands;
 pub mod evaluation;
 pub mod hand_box;
-#[cfg(feature = "networks")]
-pub mod lpips;
-#[cfg(not(feature = "networks"))]
-#[path = "no_lpips.rs"]
 pub mod lpips;
 pub mod metrics;
 pub mod outline;

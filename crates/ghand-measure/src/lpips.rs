@@ -1,14 +1,16 @@
 //! LPIPS (Zhang et al. 2018), version 0.1: how different two pictures look, from the features of AlexNet, which was
-//! trained to recognise objects. The weights come from a file of the user: `scripts/lpips_weights.py` makes it.
+//! trained to recognise objects. The weights come with the program, or from a file of `scripts/lpips_weights.py`.
 //!
 //! Both pictures go through AlexNet. Behind each convolution the features of each pixel are made unit vectors over the
 //! channels; their squared differences, times a weight for each channel, are averaged over the pixels and summed over
 //! the convolutions.
 
 mod alexnet;
+mod convolution;
 mod head;
 mod network;
 mod pair;
+mod pool;
 #[cfg(test)]
 mod tests;
 mod weights;
@@ -18,10 +20,8 @@ use std::path::Path;
 pub use pair::{BACKBONE, LpipsError, Pair, SMALLEST_SIDE};
 pub use weights::LpipsFileError;
 
-use burn_tensor::Tensor;
-
 use head::Comparison;
-use network::{Network, values};
+use network::{Features, Network};
 use weights::Weights;
 
 /// AlexNet with its linear layers.
@@ -33,9 +33,18 @@ pub struct Lpips {
 }
 
 impl Lpips {
+    /// With the published weights, which come with the program. The convolutions' are half floats, which changes
+    /// distances by less than a thousandth.
+    ///
+    /// # Errors
+    /// [`LpipsFileError`] if the program is damaged.
+    pub fn built_in() -> Result<Lpips, LpipsFileError> {
+        Weights::built_in().map(Lpips::new)
+    }
+
     /// Reads a safetensors file with AlexNet's convolutions under torchvision's names (`features.0.weight`,
     /// `[outputs][inputs][kernel][kernel]`; `features.0.bias`; ...) and a linear layer for each (`linear.0`,
-    /// `[channels]`; ...), all F32. If its metadata has `lpips_backbone`, it must be [`BACKBONE`].
+    /// `[channels]`; ...), F32 or F16. If its metadata has `lpips_backbone`, it must be [`BACKBONE`].
     ///
     /// # Errors
     /// [`LpipsFileError`] names the file, the tensor and what is wrong with it.
@@ -81,14 +90,11 @@ impl Lpips {
         pictures: [&[[f32; 3]]; N],
         truth: &[[f32; 3]],
     ) -> Result<[f64; N], LpipsError> {
-        let truth: Vec<Vec<f32>> =
-            self.network.features(self.input(size, truth)?).into_iter().map(values).collect::<Result<_, _>>()?;
+        let truth = self.features(size, truth)?;
         let mut distances = [0.0; N];
         for (distance, picture) in distances.iter_mut().zip(pictures) {
-            let features = self.network.features(self.input(size, picture)?);
-            for ((features, truth), weights) in features.into_iter().zip(&truth).zip(&self.linear) {
-                *distance += Comparison { features: &values(features)?, truth, weights }.distance();
-            }
+            let features = self.features(size, picture)?;
+            *distance = self.comparisons(&features, &truth).map(|comparison| comparison.distance()).sum();
         }
         Ok(distances)
     }
@@ -99,28 +105,25 @@ impl Lpips {
     /// As [`Lpips::distance`].
     pub fn distance_and_gradient(&self, pair: &Pair) -> Result<(f64, Vec<[f32; 3]>), LpipsError> {
         let &Pair { size, picture, truth } = pair;
-        let truth = self.network.features(self.input(size, truth)?);
-        let picture = self.input(size, picture)?.autodiff().require_grad();
-        let taps = self.network.features(picture.clone());
-        let mut sum = 0.0;
-        let mut gradients = Vec::new();
-        for ((features, truth), weights) in taps.iter().zip(truth).zip(&self.linear) {
-            let features = values(features.clone().inner())?;
-            let truth = values(truth)?;
-            let (distance, gradient) =
-                Comparison { features: &features, truth: &truth, weights }.distance_and_gradient();
-            sum += distance;
-            gradients.push(gradient);
-        }
-        Ok((sum, self.network.gradient(&picture, taps, gradients)?))
+        let (features, truth) = rayon::join(|| self.features(size, picture), || self.features(size, truth));
+        let (features, truth) = (features?, truth?);
+        let distance = self.comparisons(&features, &truth).map(|comparison| comparison.distance()).sum();
+        let gradients = self.comparisons(&features, &truth).map(|comparison| comparison.gradient()).collect();
+        Ok((distance, self.network.gradient(&features, gradients)))
     }
 
-    fn input(&self, size: [u32; 2], picture: &[[f32; 3]]) -> Result<Tensor<4>, LpipsError> {
+    /// What the layers compare.
+    fn comparisons<'a>(&'a self, features: &'a Features, truth: &'a Features) -> impl Iterator<Item = Comparison<'a>> {
+        let pairs = features.compared().zip(truth.compared()).zip(&self.linear);
+        pairs.map(|((features, truth), weights)| Comparison { features, truth, weights })
+    }
+
+    fn features(&self, size: [u32; 2], picture: &[[f32; 3]]) -> Result<Features, LpipsError> {
         self.check_size(size)?;
         let [width, height] = size.map(|side| side as usize);
         if picture.len() != width * height {
             return Err(LpipsError::Size { width, height, pixels: picture.len() });
         }
-        Ok(self.network.input([width, height], picture))
+        Ok(self.network.features([width, height], picture))
     }
 }

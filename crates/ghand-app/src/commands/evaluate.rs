@@ -20,6 +20,7 @@ use crate::capture_source::check_sides;
 use crate::cli::AdapterArgs;
 use crate::command_inputs::refuse_capture_folder;
 use crate::lpips_args::LpipsArgs;
+use crate::lpips_weights::for_images;
 use crate::run_files::{CAMERAS_FILE, METRICS_FILE, POSES_FILE, REPORT_FILE};
 use crate::same_tracker::{describe, tracker_of};
 use crate::say;
@@ -183,7 +184,13 @@ pub fn run_watched(args: &EvaluateArgs, adapter: &AdapterArgs, interruption: &In
         None => train.frames.iter().map(|frame| capture.frames[*frame].pose.clone()).collect(),
     };
     interruption.check()?;
-    let test = TestImages { capture: &scored, split: &args.split, protocol, views, lpips: lpips.as_deref() };
+    let test = TestImages {
+        capture: &scored,
+        split: &args.split,
+        protocol,
+        views,
+        lpips: for_images(&lpips, &scored, &args.split),
+    };
     let (images, shown) = gpu.retry_on_device_loss("the evaluation", |gpu| {
         evaluate_images(gpu, &avatar, &test, train, &train_poses, interruption)
     })?;

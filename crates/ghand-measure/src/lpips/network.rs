@@ -1,97 +1,87 @@
-//! AlexNet in Burn, on the host.
+//! AlexNet's convolutions on the host: the features of a picture, and the gradient of the picture.
 
-use burn_tensor::activation::relu;
-use burn_tensor::module::{conv2d, max_pool2d};
-use burn_tensor::ops::{ConvOptions, MaxPoolOptions};
-use burn_tensor::{Device, Tensor, TensorData};
-
-use super::LpipsError;
-use super::alexnet::{CONVOLUTIONS, Conv, POOL_KERNEL, POOL_STRIDE};
+use super::alexnet::CONVOLUTIONS;
+use super::convolution::Convolution;
+use super::pool::Maxima;
 use super::weights::Weights;
 
 /// Subtracted from values in `[-1, 1]`, by channel, before they are divided by [`SCALE`].
 const SHIFT: [f32; 3] = [-0.030, -0.088, -0.188];
 const SCALE: [f32; 3] = [0.458, 0.448, 0.450];
 
-/// A convolution's tensors.
-#[derive(Debug)]
-struct Parameters {
-    weight: Tensor<4>,
-    bias: Tensor<1>,
-}
-
 /// AlexNet with its weights.
 #[derive(Debug)]
 pub(super) struct Network {
     /// In the order of [`CONVOLUTIONS`].
-    parameters: Vec<Parameters>,
-    device: Device,
+    convolutions: Vec<Convolution>,
 }
 
-/// The value that the network takes in place of a display value in `[0, 1]`.
-fn network_value(channel: usize, value: f32) -> f32 {
-    (2.0 * value - 1.0 - SHIFT[channel]) / SCALE[channel]
+/// What a picture makes of the network.
+#[derive(Debug)]
+pub(super) struct Features {
+    /// Width and height of the picture.
+    size: [usize; 2],
+    /// In the order of [`CONVOLUTIONS`].
+    layers: Vec<Layer>,
 }
 
-pub(super) fn values<const D: usize>(tensor: Tensor<D>) -> Result<Vec<f32>, LpipsError> {
-    tensor.try_into_vec_as::<f32>().map_err(|e| LpipsError::Tensor(format!("{e:?}")))
+/// A convolution's part of [`Features`].
+#[derive(Debug)]
+struct Layer {
+    /// The maxima that it takes in place of the features before it.
+    maxima: Option<Maxima>,
+    /// Width and height of its input.
+    input_size: [usize; 2],
+    /// What it gives, which is compared: `[pixels][channels]`, row-major.
+    features: Vec<f32>,
+}
+
+impl Features {
+    /// What is compared: the features behind each convolution, `[pixels][channels]`.
+    pub fn compared(&self) -> impl Iterator<Item = &[f32]> {
+        self.layers.iter().map(|layer| layer.features.as_slice())
+    }
 }
 
 impl Network {
     pub fn new(weights: &Weights) -> Network {
-        let device = Device::flex();
-        let parameters = CONVOLUTIONS.into_iter().zip(&weights.convolutions).map(|(conv, [weight, bias])| {
-            let Conv { inputs, outputs, kernel, .. } = conv;
-            let weight = TensorData::new(weight.clone(), [outputs, inputs, kernel, kernel]);
-            let bias = TensorData::new(bias.clone(), [outputs]);
-            Parameters { weight: Tensor::from_data(weight, &device), bias: Tensor::from_data(bias, &device) }
-        });
-        Network { parameters: parameters.collect(), device }
+        let all = CONVOLUTIONS.into_iter().zip(&weights.convolutions);
+        Network { convolutions: all.map(|(conv, [weight, bias])| Convolution::new(conv, weight, bias)).collect() }
     }
 
-    /// A picture of display values as the network's input, `[1][3][height][width]`.
-    pub fn input(&self, [width, height]: [usize; 2], picture: &[[f32; 3]]) -> Tensor<4> {
-        let planes = (0..3).flat_map(|c| picture.iter().map(move |pixel| network_value(c, pixel[c])));
-        Tensor::from_data(TensorData::new(planes.collect::<Vec<f32>>(), [1, 3, height, width]), &self.device)
-    }
-
-    /// The features that are compared, `[1][channels][rows][columns]` each.
-    pub fn features(&self, mut x: Tensor<4>) -> Vec<Tensor<4>> {
-        let mut taps = Vec::new();
-        for (conv, own) in CONVOLUTIONS.iter().zip(&self.parameters) {
-            if conv.is_pooled {
-                x = max_pool2d(x, MaxPoolOptions::new([POOL_KERNEL; 2]).with_stride([POOL_STRIDE; 2]));
-            }
-            let options = ConvOptions::new([conv.stride; 2], [conv.padding; 2], [1; 2], 1);
-            x = relu(conv2d(x, own.weight.clone(), Some(own.bias.clone()), options));
-            taps.push(x.clone());
+    /// The features of a picture of display values, row-major, of `size` (width, height).
+    pub fn features(&self, size: [usize; 2], picture: &[[f32; 3]]) -> Features {
+        let value = |channel: usize, value: f32| (2.0 * value - 1.0 - SHIFT[channel]) / SCALE[channel];
+        let input: Vec<f32> = picture.iter().flat_map(|pixel| [0, 1, 2].map(|c| value(c, pixel[c]))).collect();
+        let mut layers: Vec<Layer> = Vec::with_capacity(CONVOLUTIONS.len());
+        let mut map_size = size;
+        for (conv, convolution) in CONVOLUTIONS.iter().zip(&self.convolutions) {
+            let before = layers.last().map_or(&input, |layer| &layer.features);
+            let maxima = conv.is_pooled.then(|| Maxima::of(map_size, before, conv.inputs));
+            let (input_size, input) =
+                maxima.as_ref().map_or((map_size, before), |maxima| (maxima.size, &maxima.values));
+            let features = convolution.forward(input_size, input);
+            map_size = convolution.output_size(input_size);
+            layers.push(Layer { maxima, input_size, features });
         }
-        taps
+        Features { size, layers }
     }
 
-    /// The gradient with respect to display values of a sum of features times `weights`.
-    pub fn gradient(
-        &self,
-        input: &Tensor<4>,
-        taps: Vec<Tensor<4>>,
-        weights: Vec<Vec<f32>>,
-    ) -> Result<Vec<[f32; 3]>, LpipsError> {
-        let products = taps.into_iter().zip(weights).map(|(tap, weights)| {
-            let shape = tap.dims();
-            (tap * Tensor::from_data(TensorData::new(weights, shape), &self.device)).sum()
-        });
-        let [_, _, rows, columns] = input.dims();
-        let pixels = rows * columns;
-        let mut gradient = vec![[0.0; 3]; pixels];
-        let Some(sum) = products.reduce(|a, b| a + b) else { return Ok(gradient) };
-        let mut all = sum.backward();
-        if let Some(planes) = input.grad_remove(&mut all) {
-            let planes = values(planes)?;
-            for (channel, plane) in planes.chunks_exact(pixels.max(1)).enumerate().take(3) {
-                let scale = 2.0 / SCALE[channel];
-                gradient.iter_mut().zip(plane).for_each(|(pixel, value)| pixel[channel] = scale * value);
+    /// The gradient with respect to display values, from those with respect to the compared features.
+    pub fn gradient(&self, features: &Features, mut gradients: Vec<Vec<f32>>) -> Vec<[f32; 3]> {
+        let mut of_picture = vec![0.0; 3 * features.size[0] * features.size[1]];
+        for (convolution, layer) in self.convolutions.iter().zip(&features.layers).rev() {
+            let Some(mut gradient) = gradients.pop() else { break };
+            // The ReLU passes nothing where it gave nothing.
+            gradient.iter_mut().zip(&layer.features).filter(|(_, value)| **value <= 0.0).for_each(|(g, _)| *g = 0.0);
+            let of_input = convolution.backward(layer.input_size, &gradient);
+            let before = gradients.last_mut().unwrap_or(&mut of_picture);
+            match &layer.maxima {
+                Some(maxima) => maxima.add_gradient(&of_input, before),
+                None => before.iter_mut().zip(&of_input).for_each(|(sum, value)| *sum += value),
             }
         }
-        Ok(gradient)
+        let pixels = of_picture.as_chunks::<3>().0.iter();
+        pixels.map(|pixel| [0, 1, 2].map(|c| 2.0 / SCALE[c] * pixel[c])).collect()
     }
 }

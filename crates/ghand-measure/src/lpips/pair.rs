@@ -19,19 +19,13 @@ pub enum LpipsError {
         pixels: usize,
     },
     /// A picture is smaller than the network can process.
-    #[error(
-        "LPIPS needs at least {SMALLEST_SIDE} x {SMALLEST_SIDE} pixels, but the image has {width} x {height}; use larger \
-         images or omit --lpips"
-    )]
+    #[error("LPIPS needs at least {SMALLEST_SIDE} x {SMALLEST_SIDE} pixels, but the image has {width} x {height}")]
     TooSmall {
         /// Width, pixels.
         width: u32,
         /// Height, pixels.
         height: u32,
     },
-    /// A tensor could not be read.
-    #[error("the LPIPS network failed: {0}")]
-    Tensor(String),
 }
 
 /// Two pictures of the same size, row-major, as display values in `[0, 1]`.

@@ -165,6 +165,32 @@ fn refusal(bytes: &[u8]) -> String {
 }
 
 #[test]
+fn the_built_in_weights_give_the_published_distances() {
+    let size = [64, 64];
+    let [picture, truth] = pictures(size);
+    let distance = Lpips::built_in().unwrap().distance(&Pair { size, picture: &picture, truth: &truth }).unwrap();
+    // With the published weights as they are, F32.
+    let published = 0.155628;
+    assert!((distance / published - 1.0).abs() < 1e-3, "{distance}, published {published}");
+}
+
+#[test]
+fn half_floats_are_read() {
+    let weights = Weights::random();
+    let mut tensors = tensors_of(&weights);
+    for tensor in tensors.iter_mut().filter(|tensor| tensor.0.ends_with(".weight")) {
+        tensor.1 = Dtype::F16;
+        let values = tensor.3.as_chunks::<4>().0.iter().map(|bytes| f32::from_le_bytes(*bytes));
+        tensor.3 = values.flat_map(|value| half::f16::from_f32(value).to_le_bytes()).collect();
+    }
+    let read = Weights::from_bytes(Path::new("file"), &file(&tensors, &[])).unwrap();
+    for ([read, bias], [exact, same]) in read.convolutions.iter().zip(&weights.convolutions) {
+        assert!(read.iter().zip(exact).all(|(read, exact)| (read - exact).abs() <= 5e-4 * exact.abs() + 1e-7));
+        assert!(bias == same);
+    }
+}
+
+#[test]
 fn files_are_read_with_and_without_metadata() {
     let weights = Weights::random();
     let tensors = tensors_of(&weights);
@@ -187,7 +213,10 @@ fn files_of_another_network_or_version_are_refused() {
     // VGG16's first convolution, without a name.
     let other = vec![("features.0.weight".to_owned(), Dtype::F32, vec![64, 3, 3, 3], vec![0; 4 * 64 * 27])];
     let message = refusal(&file(&other, &[]));
-    assert!(message.contains("features.0.weight: is F32 [64, 3, 3, 3], but AlexNet for LPIPS has F32 [64, 3, 11, 11]"));
+    assert!(
+        message
+            .contains("features.0.weight: is F32 [64, 3, 3, 3], but AlexNet for LPIPS has F32 or F16 [64, 3, 11, 11]")
+    );
 }
 
 #[test]
@@ -201,12 +230,12 @@ fn tensors_that_are_missing_or_wrong_are_named() {
     let message = changed("features.3.bias", &|tensor| tensor.0 = "other".into());
     assert!(message.contains("features.3.bias: is missing") && message.contains("[192]"), "{message}");
     let message = changed("linear.2", &|tensor| tensor.2 = vec![1, 384, 1, 1]);
-    assert!(message.contains("linear.2: is F32 [1, 384, 1, 1]") && message.contains("F32 [384]"), "{message}");
+    assert!(message.contains("linear.2: is F32 [1, 384, 1, 1]") && message.contains("F32 or F16 [384]"), "{message}");
     let message = changed("linear.0", &|tensor| {
-        tensor.1 = Dtype::F16;
+        tensor.1 = Dtype::BF16;
         tensor.3.truncate(128);
     });
-    assert!(message.contains("linear.0: is F16 [64]") && message.contains("has F32 [64]"), "{message}");
+    assert!(message.contains("linear.0: is BF16 [64]") && message.contains("has F32 or F16 [64]"), "{message}");
     for bad in [f32::NAN, f32::INFINITY] {
         let message = changed("features.0.weight", &|tensor| tensor.3[40..44].copy_from_slice(&bad.to_le_bytes()));
         assert!(message.contains("features.0.weight: value 10 is not finite"), "{message}");

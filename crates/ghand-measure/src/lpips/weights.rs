@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use ghand_files::input_file;
+use half::f16;
 use safetensors::SafeTensors;
 use safetensors::tensor::Dtype;
 
@@ -52,7 +53,18 @@ pub(super) struct Weights {
     pub linear: Vec<Vec<f32>>,
 }
 
+/// The published weights; the convolutions' are rounded to half floats.
+const BUILT_IN: &[u8] = include_bytes!("../../../../assets/lpips/alexnet.safetensors");
+
 impl Weights {
+    /// The weights that come with the program.
+    ///
+    /// # Errors
+    /// [`LpipsFileError`] if the program is damaged.
+    pub fn built_in() -> Result<Weights, LpipsFileError> {
+        Weights::from_bytes(Path::new("the built-in weights"), BUILT_IN)
+    }
+
     /// Reads and checks a file.
     pub fn load(path: &Path) -> Result<Weights, LpipsFileError> {
         let bytes = input_file::read(path, LARGEST_FILE)
@@ -140,12 +152,14 @@ fn floats(tensors: &SafeTensors, name: &str, shape: &[usize]) -> Result<Vec<f32>
     let tensor = tensors
         .tensor(name)
         .map_err(|_| wrong(name, format!("is missing, but AlexNet for LPIPS has it with shape {shape:?}")))?;
-    if tensor.dtype() != Dtype::F32 || tensor.shape() != shape {
+    if !matches!(tensor.dtype(), Dtype::F32 | Dtype::F16) || tensor.shape() != shape {
         let found = format!("is {:?} {:?}", tensor.dtype(), tensor.shape());
-        return Err(wrong(name, format!("{found}, but AlexNet for LPIPS has F32 {shape:?}")));
+        return Err(wrong(name, format!("{found}, but AlexNet for LPIPS has F32 or F16 {shape:?}")));
     }
-    let mut values = vec![0.0f32; tensor.data().len() / size_of::<f32>()];
-    bytemuck::cast_slice_mut::<f32, u8>(&mut values).copy_from_slice(tensor.data());
+    let values: Vec<f32> = match tensor.dtype() {
+        Dtype::F16 => tensor.data().as_chunks().0.iter().map(|bytes| f16::from_le_bytes(*bytes).to_f32()).collect(),
+        _ => tensor.data().as_chunks().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect(),
+    };
     match values.iter().position(|value| !value.is_finite()) {
         Some(index) => Err(wrong(name, format!("value {index} is not finite"))),
         None => Ok(values),

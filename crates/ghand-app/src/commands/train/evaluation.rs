@@ -11,6 +11,7 @@ use image::RgbImage;
 
 use super::inputs::Inputs;
 use super::plan::Plan;
+use crate::lpips_weights::for_images;
 use crate::train_run::evaluation::{TestImages, evaluate_images, pose_figures};
 use crate::train_run::interruption::Interruption;
 use crate::train_run::metrics::Metrics;
@@ -36,6 +37,7 @@ pub(super) fn evaluate(
 ) -> anyhow::Result<Evaluated> {
     let Inputs { capture, start, train_split, lpips, .. } = inputs;
     let test_split = plan.test_split();
+    let lpips = for_images(lpips, start, test_split);
     let mut shown = None;
     let mut images = None;
     let mut given = None;
@@ -48,7 +50,7 @@ pub(super) fn evaluate(
             split: test_split,
             protocol,
             views,
-            lpips: lpips.as_deref(),
+            lpips,
         };
         let mut evaluate = |test: &TestImages| {
             gpu.retry_on_device_loss("the evaluation", |gpu| {

@@ -12,7 +12,6 @@ use ghand_train::Trained;
 use super::TrainArgs;
 use super::plan::{DEFAULT_TEST_SPLIT, Plan};
 use crate::capture_preflight::check_before_training;
-use crate::lpips_weights::check_image_sizes;
 use crate::train_run::demo_capture::demo_capture;
 use crate::train_run::interruption::Interruption;
 use crate::train_run::training_poses::StartPoses;
@@ -29,8 +28,8 @@ pub(super) struct Inputs {
     pub poses: StartPoses,
     /// The images that are trained on.
     pub train_split: Split,
-    /// The weights for LPIPS, if they are wanted.
-    pub lpips: Option<Arc<Lpips>>,
+    /// LPIPS with its weights.
+    pub lpips: Arc<Lpips>,
 }
 
 impl Inputs {
@@ -56,7 +55,6 @@ impl Inputs {
         capture.template.clone_from(&start.template);
         capture.frames.iter_mut().zip(&start.frames).for_each(|(own, start)| own.shape.clone_from(&start.shape));
         let test_split = plan.test_split();
-        check_image_sizes(lpips.as_deref(), &start, test_split)?;
         check_before_training(&start, &path, &record.split, test_split, args.ignore_checks || record.ignore_checks)?;
         let train_split = capture.split(&record.split)?.clone();
         Ok(Inputs { path, capture, start, poses, train_split, lpips })

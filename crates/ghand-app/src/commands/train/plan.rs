@@ -146,7 +146,7 @@ impl TrainArgs {
             return Err(differs("--poses", record.poses));
         }
         if self.lpips.lpips.is_some() && asked.lpips != record.lpips {
-            return Err(differs("--lpips", "other weights, or none".into()));
+            return Err(differs("--lpips", "other weights".into()));
         }
         if self.settings.any_given()
             && let Some((key, then, now)) = record.settings.first_difference(&asked.settings)
