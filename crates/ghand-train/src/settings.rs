@@ -175,7 +175,7 @@ pub struct TrainSettings {
     /// `on`: Gaussians smaller than a pixel become fainter, not larger. The avatar's file says so, and it is shown as
     /// it was trained; one scene cannot show avatars of both kinds.
     pub antialias: Antialias,
-    /// Weight of LPIPS; without `--lpips FILE` there is no such term.
+    /// Weight of LPIPS of windows on the hand, after a fifth of the iterations; 0: no such term.
     pub lpips_weight: f64,
     /// Weight of differences between the unlit colours of neighbours; above 0.03 they count linearly, so that nails and
     /// creases keep their edges.

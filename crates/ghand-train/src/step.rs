@@ -75,6 +75,8 @@ pub struct Rates {
     pub pose: Option<f64>,
     /// Number of updates of this frame's pose, this one included.
     pub pose_step: u64,
+    /// Whether LPIPS counts, where the step has it.
+    pub lpips: bool,
 }
 
 /// Whether a step changed what is learned.
@@ -305,7 +307,7 @@ impl Step {
             offset_roughness.encode(encoder);
             backward.encode_property_gradients(encoder);
         };
-        let counters = match self.lpips.as_ref().filter(|_| settings.lpips_weight > 0.0) {
+        let counters = match self.lpips.as_ref().filter(|_| rates.lpips && settings.lpips_weight > 0.0) {
             None => scene.run_frame(gpu, |splatter, encoder| {
                 loss.encode(encoder);
                 encode_backward(splatter, encoder);
@@ -313,7 +315,7 @@ impl Step {
             // The host adds to the image's gradient once the frame is complete; only then does the rest run.
             Some(lpips) => {
                 scene.run_frame(gpu, |_, encoder| loss.encode(encoder))?;
-                lpips.add_gradient(gpu, scene.splatter(), view, settings.lpips_weight, value_count)?;
+                lpips.add_gradient(gpu, scene.splatter(), view, settings.lpips_weight, value_count, rates.step)?;
                 let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
                 encode_backward(scene.splatter(), &mut encoder);
                 gpu.queue.submit([encoder.finish()]);
@@ -389,7 +391,7 @@ impl Step {
         Ok(())
     }
 
-    /// The colours' loss of one view, as a mean over its crop, without an update.
+    /// The colours' loss of one view without LPIPS, as a mean over its crop, without an update.
     ///
     /// # Errors
     /// As [`Step::run`].
@@ -404,11 +406,7 @@ impl Step {
         let loss = &self.loss;
         run_alone(&mut self.scene, gpu, |_, encoder| loss.encode(encoder))?;
         let [l1, ssim] = self.loss(gpu, view)?;
-        let lpips = match self.lpips.as_ref().filter(|_| settings.lpips_weight > 0.0) {
-            Some(lpips) => lpips.distance(gpu, self.scene.splatter(), view)?,
-            None => 0.0,
-        };
-        Ok(L1_WEIGHT * l1 + SSIM_WEIGHT * ssim + settings.lpips_weight * lpips)
+        Ok(L1_WEIGHT * l1 + SSIM_WEIGHT * ssim)
     }
 
     /// Sets the view for the next frame.

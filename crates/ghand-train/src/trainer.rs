@@ -17,6 +17,7 @@ use ghand_capture::images::color_correction::ColorMap;
 use ghand_capture::mask::AlignedHand;
 use ghand_capture::{Capture, ColorCorrection, Split, SplitView};
 use ghand_core::pose_offsets::TrackerOffsets;
+use ghand_core::statistics::median;
 use ghand_core::{Camera, HandModel, Pose};
 use ghand_hand_model::surface;
 use ghand_render::Gpu;
@@ -361,6 +362,23 @@ impl<'a> Trainer<'a> {
     /// Number of Gaussians of the avatar, unless `simplify=auto` or `merge_below` make them fewer.
     pub fn gaussians(&self) -> usize {
         self.problem.gaussians
+    }
+
+    /// How wide a Gaussian is in the training images, pixels: the median over images of what a texel's edge covers at the
+    /// hand's distance, seen face on.
+    ///
+    /// # Errors
+    /// [`TrainError`] if the hand model has no usable atlas.
+    pub fn gaussian_width(&self) -> Result<f64, TrainError> {
+        let Problem { capture, split, settings, .. } = &self.problem;
+        let edge = median(surface::sample_surface(&capture.template, settings.uv_resolution)?.spacings);
+        let root = capture.template.joints.first().copied().unwrap_or_default();
+        let widths = split.views.iter().map(|view| {
+            let camera = &capture.cameras[view.camera];
+            let hand = capture.frames[view.frame].pose.translation + root;
+            edge * camera.focal.x / camera.camera_from_world(hand).length()
+        });
+        Ok(median(widths))
     }
 
     /// Runs both stages and calls `progress` after each iteration and each trial.

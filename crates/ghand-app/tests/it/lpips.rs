@@ -1,4 +1,4 @@
-//! `--lpips` of `train` and `ghand evaluate`, as a user runs them, with random weights.
+//! LPIPS in `train` and `ghand evaluate`, as a user runs them: with the built-in weights, and with a file's.
 
 use std::path::Path;
 use std::process::Output;
@@ -49,7 +49,7 @@ fn metrics(folder: &Path, out: &str) -> Value {
 }
 
 #[test]
-fn lpips_is_a_figure_with_its_file_and_one_line_without() {
+fn lpips_is_a_figure_with_built_in_weights_and_with_those_of_a_file() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
     small_capture(&path.join("capture"));
@@ -64,25 +64,25 @@ fn lpips_is_a_figure_with_its_file_and_one_line_without() {
         assert!(value.as_f64().is_some_and(|value| value > 0.0), "{with}");
     }
 
-    let [said, told] = assert_trained(&train(path, "without", &[]));
+    let [said, told] = assert_trained(&train(path, "built-in", &[]));
     let lines = |text: &str| text.lines().filter(|line| line.contains("LPIPS")).count();
-    assert_eq!(lines(&said) + lines(&told), 1, "{said}{told}");
-    assert!(said.contains("LPIPS: off; --lpips FILE turns it on\n"), "{said}");
-    let without = metrics(path, "without");
-    assert!(without.get("lpips").is_none() && without.get("lpips_backbone").is_none(), "{without}");
-    assert!(without["floor"].get("lpips").is_none(), "{without}");
+    assert_eq!([lines(&said), lines(&told)], [1, 0], "{said}{told}");
+    let built_in = metrics(path, "built-in");
+    assert!(built_in["lpips"].as_f64().is_some_and(|value| value > 0.0 && value < 1.0), "{built_in}");
+    assert!(built_in["lpips"] != with["lpips"], "{built_in}");
     let avatar = |out: &str| std::fs::read(path.join(out).join("avatar.ghand")).unwrap();
-    assert!(avatar("run") != avatar("without"), "LPIPS has no effect on training");
+    assert!(avatar("run") != avatar("built-in"), "the weights have no effect on training");
+    assert_trained(&train(path, "without", &["--set", "lpips_weight=0"]));
+    assert!(avatar("without") != avatar("built-in"), "LPIPS has no effect on training");
 
     let output = evaluate(path, "again", &["--lpips", "alex.safetensors"]);
     let said = String::from_utf8_lossy(&output.stdout);
     assert!(output.status.success() && output.stderr.is_empty() && said.contains("LPIPS (alex)\n"), "{said}");
     let again = metrics(path, "again");
     assert_eq!([&again["lpips"], &again["floor"]["lpips"]], [&with["lpips"], &with["floor"]["lpips"]]);
-    let output = evaluate(path, "none", &[]);
+    let output = evaluate(path, "other", &[]);
     assert!(output.status.success() && output.stderr.is_empty());
-    assert_eq!(lines(&String::from_utf8_lossy(&output.stdout)), 1);
-    assert!(metrics(path, "none").get("lpips").is_none());
+    assert!(metrics(path, "other")["lpips"] != with["lpips"]);
 }
 
 #[test]

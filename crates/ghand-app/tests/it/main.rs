@@ -31,7 +31,6 @@ mod hand_models;
 mod import;
 mod inspect;
 mod live;
-#[cfg(feature = "networks")]
 mod lpips;
 mod options;
 mod pictures;

@@ -88,7 +88,7 @@ pub(super) fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()>
     let mut times: BTreeMap<&'static str, Vec<f64>> = BTreeMap::new();
     let mut names = vec![];
     for iteration in 0..=u64::from(args.iterations) {
-        let rates = Rates { step: iteration + 1, tables: 1.0, pose: None, pose_step: 1 };
+        let rates = Rates { step: iteration + 1, tables: 1.0, pose: None, pose_step: 1, lpips: false };
         let values = 3.0 * f64::from(size[0]) * f64::from(size[1]);
         let parts = step.time_parts(&gpu, &views, values, &settings, &rates).context("a step")?;
         names = parts.iter().map(|(name, _)| *name).collect();

@@ -11,6 +11,7 @@ use super::view_order::ViewOrder;
 use super::{Preview, Problem, Run, TrainingProgress};
 use crate::checkpoint::{CurvePoint, Losses, SkippedSteps, StageState};
 use crate::divergence::{Divergence, check_change, check_gaussians, check_hand, check_loss, remedy};
+use crate::lpips_term::LpipsTerm;
 use crate::pose_prior::shrink;
 use crate::settings::{TrainSettings, Unseen};
 use crate::step::{Rates, Step, StepOutcome};
@@ -180,7 +181,8 @@ impl Problem {
             let (indices, pose_step) = order.take();
             let decay = settings.final_rate.powf(fraction);
             let pose = stage.refine_poses.then_some(pose_stage.rate);
-            let rates = Rates { step: done + 1, tables: decay, pose, pose_step };
+            let lpips = LpipsTerm::counts(fraction);
+            let rates = Rates { step: done + 1, tables: decay, pose, pose_step, lpips };
             let mut last = None;
             for index in indices {
                 let view = self.views.get(index, stage.reduction)?;

@@ -8,7 +8,6 @@ mod device_loss;
 mod exposure;
 mod extreme_poses;
 mod light;
-#[cfg(feature = "networks")]
 mod lpips;
 mod merged_texels;
 mod planted;

@@ -94,7 +94,7 @@ fn a_step_whose_gradients_are_not_finite_changes_nothing() {
                 let mut number = 0;
                 for values in losses {
                     number += u64::from(values.is_normal());
-                    let rates = Rates { step: number, tables: 1.0, pose: Some(1e-2), pose_step: number };
+                    let rates = Rates { step: number, tables: 1.0, pose: Some(1e-2), pose_step: number, lpips: false };
                     let view = views.get(0, 1).unwrap();
                     let outcome = step.run(gpu, &view, values, [0.0; 3], &settings, &rates).unwrap();
                     assert_eq!(outcome == StepOutcome::Updated, values.is_normal(), "{values}");
@@ -158,7 +158,7 @@ fn measuring_the_loss_does_not_change_what_is_learned() {
                 if look {
                     losses.push(step.measure(gpu, &views.get(9, 1).unwrap(), [0.0; 3], &settings()).unwrap());
                 }
-                let rates = Rates { step: k + 1, tables: 1.0, pose: Some(1e-2), pose_step: 1 };
+                let rates = Rates { step: k + 1, tables: 1.0, pose: Some(1e-2), pose_step: 1, lpips: false };
                 let view = views.get(k as usize, 1).unwrap();
                 let outcome = step.run(gpu, &view, 3.0 * 64.0 * 96.0, [0.0; 3], &settings(), &rates).unwrap();
                 assert_eq!(outcome, StepOutcome::Updated);
@@ -193,7 +193,7 @@ fn a_frame_that_must_grow_is_learned_from_once() {
                 step.measure(gpu, &view, [0.0; 3], &settings()).unwrap();
                 assert!(step.scene().splatter().capacity() > at_first);
             }
-            let rates = Rates { step: 1, tables: 1.0, pose: Some(1e-2), pose_step: 1 };
+            let rates = Rates { step: 1, tables: 1.0, pose: Some(1e-2), pose_step: 1, lpips: false };
             let outcome = step.run(gpu, &view, 3.0 * 64.0 * 96.0, [0.0; 3], &settings(), &rates).unwrap();
             assert_eq!(outcome, StepOutcome::Updated);
             assert!(step.scene().splatter().capacity() > at_first, "the frame did not have to grow");
