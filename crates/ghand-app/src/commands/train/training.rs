@@ -23,6 +23,11 @@ const LONGEST_SILENCE: Duration = Duration::from_secs(30);
 
 /// Least time between two writings of the files that show how the run goes.
 const LIVE_EVERY: Duration = Duration::from_secs(10);
+/// Gaussians wider than this, pixels, blur what the images show; finer ones of the wanted width are then advised, up to
+/// a resolution.
+const WIDE: f64 = 5.0;
+const WANTED: f64 = 3.0;
+const LARGEST_ADVISED: f64 = 512.0;
 
 /// Trains, from the last checkpoint on if the run is resumed, and prints the outcome. `watch` sees the progress instead
 /// of the terminal.
@@ -36,7 +41,7 @@ pub(super) fn train(
 ) -> anyhow::Result<Trained> {
     let Plan { folder, record, .. } = plan;
     let settings = &record.settings;
-    let mut trainer = Trainer::new(gpu, &inputs.start, &record.split, settings)?.with_lpips(inputs.lpips.clone());
+    let mut trainer = Trainer::new(gpu, &inputs.start, &record.split, settings)?.with_lpips(Some(inputs.lpips.clone()));
     let gaussians = match settings.simplify {
         Simplify::Off => format!("{} Gaussians", trainer.gaussians()),
         Simplify::Auto => "as many Gaussians as they require".into(),
@@ -48,6 +53,15 @@ pub(super) fn train(
         inputs.train_split.views.len(),
         settings.iterations
     );
+    let width = trainer.gaussian_width()?;
+    if settings.simplify == Simplify::Off && width > WIDE {
+        let finer = (f64::from(settings.uv_resolution) * width / WANTED).min(LARGEST_ADVISED);
+        say!(
+            "a Gaussian is {width:.0} pixels wide in these images: --set uv_resolution={:.0} shows more of them, in more \
+             time",
+            (finer / 16.0).round() * 16.0
+        );
+    }
     if plan.resumed
         && let Some(checkpoint) = Checkpoints::latest(&folder.checkpoints())?
     {
