@@ -40,10 +40,14 @@ if command -v blender >/dev/null; then
 elif [ -x "$place/blender/bin/python" ]; then
     blender="$place/blender/bin/python"
 elif [ "${GHAND_BLENDER:-}" = 1 ]; then
-    "$bpy_python" -m venv "$place/blender.new"
-    "$place/blender.new/bin/pip" install --quiet --disable-pip-version-check "bpy==$bpy"
-    mv "$place/blender.new" "$place/blender"
-    blender="$place/blender/bin/python"
+    if "$bpy_python" -m venv --clear "$place/blender.new" &&
+        "$place/blender.new/bin/pip" install --quiet --disable-pip-version-check "bpy==$bpy"; then
+        mv "$place/blender.new" "$place/blender"
+        blender="$place/blender/bin/python"
+    else
+        blender=
+        echo "elsewhere tests: without Blender: bpy $bpy could not be installed with $bpy_python"
+    fi
 else
     blender=
     echo "elsewhere tests: without Blender, which is not installed; GHAND_BLENDER=1 downloads it"
