@@ -84,7 +84,9 @@ def test_an_exception_in_the_callback_stops_the_training(trained, tmp_path):
 def test_ctrl_c_stops_a_training_and_nothing_else(trained, tmp_path):
     _, _, capture = trained
     code = f"""
-import ghand, time
+import ghand, signal, time
+# A shell's job in the background inherits that Ctrl-C is ignored.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 try:
     ghand.train({str(capture)!r}, {str(tmp_path / "run")!r}, settings={SETTINGS | {"iterations": 100_000}!r},
                 on_progress=lambda progress: print(progress.iteration, flush=True))
