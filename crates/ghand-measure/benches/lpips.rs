@@ -1,5 +1,5 @@
 //! What LPIPS costs on the host: for a figure, and in a training step, which also needs the gradient.
-//! `cargo bench --workspace --features networks --profile dev --bench lpips`
+//! `cargo bench -p ghand-measure --profile dev --bench lpips`
 #![allow(
     clippy::unwrap_used,
     missing_docs,

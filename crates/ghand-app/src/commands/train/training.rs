@@ -54,8 +54,8 @@ pub(super) fn train(
         settings.iterations
     );
     let width = trainer.gaussian_width()?;
-    if settings.simplify == Simplify::Off && width > WIDE {
-        let finer = (f64::from(settings.uv_resolution) * width / WANTED).min(LARGEST_ADVISED);
+    let finer = (f64::from(settings.uv_resolution) * width / WANTED).min(LARGEST_ADVISED);
+    if settings.simplify == Simplify::Off && width > WIDE && finer > f64::from(settings.uv_resolution) {
         say!(
             "a Gaussian is {width:.0} pixels wide in these images: --set uv_resolution={:.0} shows more of them, in more \
              time",
