@@ -9,21 +9,35 @@
 use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
+use ghand_avatar::light::{Lamp, Lamps};
 use ghand_avatar::{Light, LightKind};
 use ghand_core::Side;
 use ghand_hand_model::builtin::builtin_hand;
 use ghand_hand_model::named_poses::named_pose;
+use glam::DVec3;
 
 fn benchmark(c: &mut Criterion) {
     let model = builtin_hand(Side::Right).unwrap().without_blend_shapes();
     let pose = named_pose("relaxed", &model).unwrap();
-    let sh = Light { kind: LightKind::Sh, turn: glam::DQuat::IDENTITY, coefficients: vec![[0.3; 3]; 9], trust: None };
-    // A fitted light has some dark directions.
-    let mut fitted = Light::studio();
-    fitted.coefficients.iter_mut().step_by(2).for_each(|radiance| *radiance = [0.0; 3]);
-    for (name, light) in [("64 directions", Light::studio()), ("32 directions", fitted), ("harmonics", sh)] {
+    let sh =
+        Light { kind: LightKind::Sh, turn: glam::DQuat::IDENTITY, coefficients: vec![[0.3; 3]; 9], ..Light::studio() };
+    let lamp = |x: f64| Lamp { offset: DVec3::new(x, -0.3, 0.4), radius: 0.1, radiance: [20.0; 3] };
+    let with_lamps = |lamps: Vec<Lamp>| {
+        let lamps = Lamps { place: Lamps::middle(&model.vertices), reach: 0.1, lamps };
+        Light { lamps: Some(lamps), ..Light::studio() }
+    };
+    let lights = [
+        ("64 directions", Light::studio()),
+        ("a lamp near the hand, too", with_lamps(vec![lamp(0.5)])),
+        ("two lamps near the hand, too", with_lamps(vec![lamp(0.5), lamp(-0.5)])),
+        ("harmonics", sh),
+    ];
+    for (name, light) in lights {
         c.bench_function(&format!("light/{name}, {} vertices", model.vertices.len()), |bencher| {
-            bencher.iter(|| black_box(light.vertex_shades(black_box(&model), &pose).unwrap()));
+            bencher.iter(|| {
+                let parts = light.parts(black_box(&model), &pose).unwrap();
+                black_box(light.shades(&parts, [0.5, 0.3, 0.1]))
+            });
         });
     }
 }

@@ -19,7 +19,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::avatar::{Avatar, Provenance};
 use crate::gaussian_glb::avatar_in;
-use crate::light::{AvatarLight, Gloss, Light, LightKind, Trust};
+use crate::light::{AvatarLight, Gloss, Lamp, Lamps, Light, LightKind, MOST_INTERREFLECTION, Trust};
 use crate::properties::PropertyTables;
 use crate::properties::baked::BakedTables;
 use crate::properties::baked::template::{BakedTemplateParts, template_parts};
@@ -28,8 +28,10 @@ use crate::properties::direct::DirectTables;
 use crate::properties::network::NetworkTables;
 use crate::template::{AvatarConfig, GaussianShape, Template};
 
-/// Version of avatars with plain skinning, which have no tables of residual terms; the newest that this program writes and
-/// reads.
+/// The newest version that this program writes and reads: that of avatars with lamps near the hand or light that skin
+/// throws on skin.
+const NEWEST_VERSION: u32 = 6;
+/// Version of avatars with plain skinning, which have no tables of residual terms.
 const PLAIN_VERSION: u32 = 5;
 /// Version of baked avatars.
 const BAKED_VERSION: u32 = 4;
@@ -44,6 +46,8 @@ const LARGEST_FILE: u64 = 1 << 32;
 const MAX_NETWORK_RESOLUTION: u32 = 2048;
 /// Difference of a quaternion's squared length from 1 by rounding.
 const ROUNDED_LENGTH: f64 = 1e-6;
+/// Numbers of a lamp: its offset, its radius, its radiance.
+const LAMP_NUMBERS: usize = 7;
 /// Key of the JSON block in the file's metadata.
 const METADATA_KEY: &str = "ghand";
 
@@ -178,6 +182,19 @@ fn tensors(avatar: &Avatar) -> Tensors {
         if let Some(trust) = &light.trust {
             out.add("light.trust", Dtype::F32, &[trust.values().len(), 2], trust.values().as_flattened());
         }
+        if let Some(lamps) = &light.lamps {
+            let row = |lamp: &Lamp| {
+                let radiance = lamp.radiance.map(f64::from);
+                [&lamp.offset.to_array()[..], &[lamp.radius], &radiance].concat()
+            };
+            let rows: Vec<f64> = lamps.lamps.iter().flat_map(row).collect();
+            out.add("light.lamps", Dtype::F64, &[lamps.lamps.len(), LAMP_NUMBERS], &rows);
+            let [x, y, z] = lamps.place.to_array();
+            out.add("light.place", Dtype::F64, &[4], &[x, y, z, lamps.reach]);
+        }
+        if lit.interreflection != [0.0; 3] {
+            out.add("light.interreflection", Dtype::F32, &[3], &lit.interreflection);
+        }
         if let Some(gloss) = &lit.gloss {
             out.add("light.roughness", Dtype::F64, &[1], &[gloss.roughness]);
             out.add("light.gloss", Dtype::F32, &[gloss.strengths.len(), 3], gloss.strengths.as_flattened());
@@ -240,6 +257,7 @@ impl Avatar {
         let metadata = Metadata {
             format: "ghand-avatar".into(),
             version: match (&self.tables, &self.light) {
+                (_, Some(lit)) if lit.light.lamps.is_some() || lit.interreflection != [0.0; 3] => NEWEST_VERSION,
                 (PropertyTables::Baked(_), _) => BAKED_VERSION,
                 _ if self.config.plain_skinning => PLAIN_VERSION,
                 (_, Some(_)) => LIT_VERSION,
@@ -332,16 +350,16 @@ impl<'a> Reader<'a> {
         // The version comes first: an unknown version may have other fields.
         let fields: serde_json::Value = serde_json::from_str(block).map_err(|e| broken(&e))?;
         match fields.get("version").and_then(serde_json::Value::as_u64) {
-            Some(v) if (u64::from(UNLIT_VERSION)..=u64::from(PLAIN_VERSION)).contains(&v) => {}
+            Some(v) if (u64::from(UNLIT_VERSION)..=u64::from(NEWEST_VERSION)).contains(&v) => {}
             Some(v) if v < u64::from(UNLIT_VERSION) => {
-                let problem = format!("is {v}, this program reads version {PLAIN_VERSION}; train the avatar again");
+                let problem = format!("is {v}, this program reads version {NEWEST_VERSION}; train the avatar again");
                 return Err(invalid("version", problem));
             }
             other => {
                 let found = other.map_or("none".to_owned(), |v| v.to_string());
                 return Err(invalid(
                     "version",
-                    format!("is {found}, this program reads version {PLAIN_VERSION}; use the ghand that wrote it"),
+                    format!("is {found}, this program reads version {NEWEST_VERSION}; use the ghand that wrote it"),
                 ));
             }
         }
@@ -602,8 +620,56 @@ impl<'a> Reader<'a> {
         }
         let barycentric = self.floats("light.barycentric", &[Some(count), Some(3)])?.as_chunks::<3>().0.to_vec();
         let gloss = self.gloss(joints)?;
-        let light = Light { kind, turn, coefficients, trust: self.trust()? };
-        Ok(AvatarLight { light, faces: on, barycentric, gloss })
+        let light = Light { kind, turn, coefficients, lamps: self.lamps(kind)?, trust: self.trust()? };
+        Ok(AvatarLight { light, faces: on, barycentric, gloss, interreflection: self.interreflection(kind)? })
+    }
+
+    /// The lamps near the hand; files before version 6 have none.
+    fn lamps(&self, kind: LightKind) -> Result<Option<Lamps>, AvatarFileError> {
+        if !self.has("light.lamps") {
+            return Ok(None);
+        }
+        let wrong = |field: &str, problem: &str| self.invalid(field, format!("{problem}; train the avatar again"));
+        let rows = self.doubles("light.lamps", &[None, Some(LAMP_NUMBERS)])?;
+        let lamp = |row: &[f64; LAMP_NUMBERS]| {
+            let [x, y, z, radius, r, g, b] = *row;
+            Lamp { offset: DVec3::new(x, y, z), radius, radiance: [r, g, b].map(|c| c as f32) }
+        };
+        let lamps: Vec<Lamp> = rows.as_chunks::<LAMP_NUMBERS>().0.iter().map(lamp).collect();
+        if lamps.iter().any(|lamp| lamp.radius < 0.0 || lamp.radiance.iter().any(|c| *c < 0.0 || !c.is_finite())) {
+            return Err(wrong("light.lamps", "has a negative or infinite radius or radiance"));
+        }
+        let place = self.doubles("light.place", &[Some(4)])?;
+        let (reach, place) = (place[3], DVec3::from_slice(&place));
+        if reach < 0.0 {
+            return Err(wrong("light.place", "has a negative reach"));
+        }
+        if lamps.iter().any(|lamp| lamp.offset.length() <= reach) {
+            return Err(wrong("light.lamps", "has a lamp where the hand is"));
+        }
+        if kind != LightKind::Transfer {
+            return Err(wrong("light.lamps", "needs a light from directions"));
+        }
+        Ok(Some(Lamps { place, reach, lamps }))
+    }
+
+    /// Light that skin throws on skin; files before version 6 have none.
+    fn interreflection(&self, kind: LightKind) -> Result<[f32; 3], AvatarFileError> {
+        if !self.has("light.interreflection") {
+            return Ok([0.0; 3]);
+        }
+        let parts = self.floats("light.interreflection", &[Some(3)])?;
+        let valid = |(part, most): (&f32, f32)| (0.0..=most).contains(part);
+        match <[f32; 3]>::try_from(parts) {
+            Ok(parts) if kind == LightKind::Transfer && parts.iter().zip(MOST_INTERREFLECTION).all(valid) => Ok(parts),
+            _ => Err(self.invalid(
+                "light.interreflection",
+                format!(
+                    "is not between 0 and {MOST_INTERREFLECTION:?}, or light does not come from directions; train the \
+                     avatar again"
+                ),
+            )),
+        }
     }
 
     /// How far the light may be trusted; in files without it, everywhere.

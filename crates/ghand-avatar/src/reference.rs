@@ -116,7 +116,7 @@ pub enum TwinError {
 pub fn pose_avatar(avatar: &Avatar, pose: &Pose) -> Result<PosedGaussians, TwinError> {
     let mut posed = pose_unlit(avatar, pose)?;
     if let Some(light) = &avatar.light {
-        let shades = light.at_gaussians(&avatar.model, &light.light.vertex_shades(&avatar.model, pose)?);
+        let shades = light.at_gaussians(&avatar.model, &light.shades(&light.light.parts(&avatar.model, pose)?));
         let lit = posed.colors.iter_mut().zip(shades);
         lit.for_each(|(color, shade)| *color *= DVec3::from(shade.map(f64::from)));
     }

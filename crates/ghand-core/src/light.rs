@@ -1,4 +1,4 @@
-//! Light apart from skin: how bright a surface is under distant light, in linear light.
+//! Light apart from skin: how bright a surface is under light, in linear light.
 //!
 //! Light comes from [`DIRECTION_COUNT`] directions, each with a radiance; a transfer says how much of each arrives at a
 //! point: `irradiance_p = sum_k transfer_pk radiance_k`. Under radiance 1 from everywhere an open point has irradiance 1.

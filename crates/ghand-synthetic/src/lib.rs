@@ -91,17 +91,21 @@ pub enum LightSetup {
     Key,
     /// As `Key`, from another side.
     Rim,
+    /// As `Key`, from a lamp that is as near as one on a desk.
+    Lamp,
     /// The skin's own colours: an irradiance of 1 everywhere.
     Flat,
 }
 
 /// A light whose effect is exact: linear irradiance = sky x openness + key x max(0, n . towards) x lit part, and display
-/// value = texture x irradiance^(1 / 2.2).
+/// value = texture x irradiance^(1 / 2.2). Near lamps shine from where they are, with the square of their distance.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlantedLight {
     /// Unit vector towards the key light, world axes.
     pub towards: DVec3,
-    /// Irradiance of the key light at normal incidence.
+    /// How far from the world's origin the key light is, metres; infinite if it is a direction.
+    pub distance: f64,
+    /// Irradiance of the key light at normal incidence, at the world's origin.
     pub key: f64,
     /// Irradiance of the sky on an open surface.
     pub sky: f64,
@@ -110,11 +114,17 @@ pub struct PlantedLight {
 impl LightSetup {
     /// The light of the setups with an exact one.
     pub fn planted(self) -> Option<PlantedLight> {
-        let light = |towards: [f64; 3], key, sky| PlantedLight { towards: DVec3::from(towards).normalize(), key, sky };
+        let light = |towards: [f64; 3], key, sky| PlantedLight {
+            towards: DVec3::from(towards).normalize(),
+            distance: f64::INFINITY,
+            key,
+            sky,
+        };
         match self {
             LightSetup::Soft | LightSetup::Side => None,
             LightSetup::Key => Some(light([0.35, -0.30, -0.90], 1.1, 0.12)),
             LightSetup::Rim => Some(light([-0.70, -0.55, 0.45], 1.1, 0.12)),
+            LightSetup::Lamp => Some(PlantedLight { distance: 0.45, ..light([0.35, -0.30, -0.90], 1.1, 0.12) }),
             LightSetup::Flat => Some(light([0.0, -1.0, 0.0], 0.0, 1.0)),
         }
     }

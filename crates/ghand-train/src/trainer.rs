@@ -667,7 +667,8 @@ impl Problem {
             Avatar::untrained_at(&capture.template, &samples, &settings.avatar(), [0.5; 3], inset, settings.seed)?;
         if let Some((light, fit)) = self.prepared.light.as_ref().and_then(|fit| Some((fit.light.clone()?, fit))) {
             let gloss = fit.gloss.as_ref().map(|fit| fit.gloss.clone());
-            avatar.light = Some(AvatarLight::new(light, gloss, &samples));
+            let lit = AvatarLight::new(light, gloss, &samples);
+            avatar.light = Some(AvatarLight { interreflection: fit.interreflection, ..lit });
         }
         let colors = texel_colors(gpu, capture, &self.split, poses, samples, COLOR_VIEWS, avatar.light.as_ref())?;
         avatar.tables.set_base_colors(&colors.colors);

@@ -76,7 +76,8 @@ pub struct MakeCaptureArgs {
     #[arg(long, value_name = "SIDE", default_value = "right", value_parser = ["right", "left"])]
     side: String,
     /// soft: light from all sides. side: one strong light from the thumb's side, with shadows, and little else. key,
-    /// rim: one strong light from one of two sides, added in linear light. flat: the skin's own colours
+    /// rim: one strong light from one of two sides, added in linear light. lamp: the same from a lamp half a metre away.
+    /// flat: the skin's own colours
     #[arg(long, value_name = "LIGHT", default_value = "soft", value_parser = LIGHTS.map(|(name, _)| name))]
     light: String,
     /// plain: black. clutter: a desk with things on it, some of them with colours like skin, another one for each camera
@@ -105,11 +106,12 @@ impl MakeCaptureArgs {
 const MASKS: [(&str, Masks); 3] = [("hand", Masks::Hand), ("arm", Masks::Arm), ("none", Masks::None)];
 
 /// The lights by name.
-const LIGHTS: [(&str, LightSetup); 5] = [
+const LIGHTS: [(&str, LightSetup); 6] = [
     ("soft", LightSetup::Soft),
     ("side", LightSetup::Side),
     ("key", LightSetup::Key),
     ("rim", LightSetup::Rim),
+    ("lamp", LightSetup::Lamp),
     ("flat", LightSetup::Flat),
 ];
 

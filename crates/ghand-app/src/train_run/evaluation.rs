@@ -210,10 +210,13 @@ fn print_exposure(fit: &ExposureFit) {
     say!("           squared difference x 1000 between cameras in held-out frames: {without:.2}, {with:.2} corrected");
 }
 
+/// From this distance on, metres, light hardly changes over a hand.
+const FAR_LAMP: f64 = 5.0;
+
 fn print_light(report: &LightReport) {
     let kind =
         if report.kind.is_some() { "apart from skin, from directions with shadows" } else { "not apart from skin" };
-    let LightFigures { none, lamps, transfer } = report.squared_error_left_out;
+    let LightFigures { none, lamps, transfer, near, interreflection } = report.squared_error_left_out;
     say!("light: {kind}; found in {:.0} s", report.seconds);
     say!(
         "       squared error x 1000 of held-out frames: {:.2} without, {:.2} few lamps in an even sky, {:.2} all directions",
@@ -221,6 +224,24 @@ fn print_light(report: &LightReport) {
         1e3 * lamps,
         1e3 * transfer
     );
+    for lamp in &report.lamps {
+        match lamp.distance {
+            FAR_LAMP.. => say!("       a lamp too far from the hand to tell where"),
+            distance => say!("       a lamp {distance:.2} m from the hand, {:.2} m wide", 2.0 * lamp.radius),
+        }
+    }
+    if let Some(near) = near {
+        let kept = if report.lamps.is_empty() { ": not kept" } else { "" };
+        say!("       {:.2} with lamps near the hand{kept}", 1e3 * near);
+    }
+    if let Some(error) = interreflection {
+        match report.interreflection {
+            [0.0, 0.0, 0.0] => say!("       {:.2} with light that skin throws on skin: not kept", 1e3 * error),
+            [r, g, b] => {
+                say!("       {:.2} with light that skin throws on skin: {r:.2}, {g:.2}, {b:.2} of it", 1e3 * error)
+            }
+        }
+    }
     if report.trusted < 1.0 {
         say!(
             "       images tell how much light falls on {:.0} % of all normals; on others it is the mean of these",

@@ -11,11 +11,53 @@ fn lit() -> Avatar {
     let coefficients = (0..64).map(|k| [k as f32 / 31.5, 1.0, 0.0]).collect();
     let trust = Trust::new((0..64).map(|k| [k as f32 / 63.0, 5.0]).collect());
     avatar.light = Some(AvatarLight::new(
-        Light { kind: LightKind::Transfer, turn: DQuat::from_rotation_x(0.3), coefficients, trust },
+        Light { kind: LightKind::Transfer, turn: DQuat::from_rotation_x(0.3), coefficients, lamps: None, trust },
         Some(Gloss { roughness: 0.5, strengths: vec![[0.5, 0.0, 1.5]; avatar.template.joint_count()] }),
         &samples,
     ));
     avatar
+}
+
+/// The same with lamps, and light that skin throws on skin.
+fn near() -> Avatar {
+    let mut avatar = lit();
+    let on_avatar = avatar.light.as_mut().unwrap();
+    let lamp = |x: f64| Lamp { offset: DVec3::new(x, 0.3, 0.0), radius: 0.1, radiance: [3.0, 2.0, 0.5] };
+    let lamps = vec![lamp(0.5), lamp(-0.7)];
+    on_avatar.light.lamps = Some(Lamps { place: DVec3::new(0.1, 0.2, 0.3), reach: 0.2, lamps });
+    on_avatar.interreflection = [0.5, 0.25, 0.0];
+    avatar
+}
+
+#[test]
+fn lamps_are_read_as_they_were_written_and_damaged_ones_are_rejected() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("hand.ghand");
+    near().save(&path).unwrap();
+    assert_eq!(Avatar::load(&path).unwrap().light, near().light);
+    fn lamps(light: &mut AvatarLight) -> &mut Lamps {
+        light.light.lamps.as_mut().unwrap()
+    }
+    type Damage = (&'static str, fn(&mut AvatarLight));
+    let spoil: [Damage; 10] = [
+        ("light.lamps", |l| lamps(l).lamps[1].radius = -0.1),
+        ("light.lamps", |l| lamps(l).lamps[0].radiance[2] = -1.0),
+        ("light.lamps", |l| lamps(l).lamps[0].radiance[1] = f32::INFINITY),
+        ("light.lamps", |l| lamps(l).lamps[0].offset.y = f64::NAN),
+        ("light.lamps", |l| lamps(l).lamps[1].offset = DVec3::ZERO),
+        ("light.lamps", |l| lamps(l).reach = 3.0),
+        ("light.place", |l| lamps(l).reach = -1.0),
+        ("light.place", |l| lamps(l).place.z = f64::INFINITY),
+        ("light.interreflection", |l| l.interreflection[0] = 1.5),
+        ("light.interreflection", |l| l.interreflection[1] = f32::NAN),
+    ];
+    for (field, spoil) in spoil {
+        let mut avatar = near();
+        spoil(avatar.light.as_mut().unwrap());
+        let error = avatar.save(&path).unwrap_err();
+        assert!(matches!(&error, AvatarFileError::Unreadable { field: f, .. } if f == field), "{field}: {error}");
+    }
+    assert_eq!(Avatar::load(&path).unwrap().light, near().light, "the file is as it was");
 }
 
 #[test]

@@ -62,6 +62,7 @@ impl Light {
             kind: LightKind::Transfer,
             turn: DQuat::IDENTITY,
             coefficients: vec![[1.0; 3]; DIRECTION_COUNT],
+            lamps: None,
             trust: None,
         }
     }
@@ -119,6 +120,7 @@ fn scaled(radiances: [[f64; 3]; DIRECTION_COUNT]) -> Option<Light> {
         kind: LightKind::Transfer,
         turn: DQuat::IDENTITY,
         coefficients,
+        lamps: None,
         trust: None,
     })
 }

@@ -41,15 +41,17 @@ pub fn scale(values: &mut [[f32; 3]], strengths: &[[f32; 3]]) {
 pub fn of_vertices(light: &Light, parts: &IrradianceParts, roughness: f64, eye: DVec3) -> Vec<[f32; 3]> {
     let directions = light.directions();
     // Direction by direction in the order of memory; what is dark costs nothing.
-    let bright: Vec<usize> = (0..parts.columns.len()).filter(|k| !parts.columns[*k].is_empty()).collect();
+    let bright: Vec<(usize, [f32; 3])> = light.radiances().enumerate().filter(|(_, c)| *c != [0.0; 3]).collect();
     let vertex = |(v, (vertex, normal)): (usize, (&DVec3, &DVec3))| {
         let towards_eye = (eye - *vertex).normalize_or_zero();
         let mut sum = [0.0; 3];
-        for k in &bright {
+        for (k, radiance) in &bright {
             let part = f64::from(parts.columns[*k][v]);
             if part > 0.0 {
-                let seen = part * mirrored(*normal, directions[*k], towards_eye, roughness);
-                sum.iter_mut().zip(light.coefficients[*k]).for_each(|(s, radiance)| *s += seen * f64::from(radiance));
+                let lamp = || (parts.lamps[*k - directions.len()] - *vertex).normalize_or_zero();
+                let towards = directions.get(*k).copied().unwrap_or_else(lamp);
+                let seen = part * mirrored(*normal, towards, towards_eye, roughness);
+                sum.iter_mut().zip(radiance).for_each(|(s, radiance)| *s += seen * f64::from(*radiance));
             }
         }
         sum.map(|value| value as f32)
@@ -71,7 +73,7 @@ mod tests {
         light.coefficients.fill([0.0; 3]);
         // From where the back of the hand looks, and seen from there.
         let pose = Pose::rest(model.joint_count());
-        let dark = IrradianceParts::new(light.kind, light.turn, &model, &pose, &|_| true).unwrap();
+        let dark = IrradianceParts::new(light.kind, light.turn, &model, &pose).unwrap();
         let directions = light.directions();
         let toward = |d: DVec3| (0..64).max_by(|a, b| directions[*a].dot(d).total_cmp(&directions[*b].dot(d))).unwrap();
         let middle: DVec3 = dark.vertices.iter().sum::<DVec3>() / dark.vertices.len() as f64;

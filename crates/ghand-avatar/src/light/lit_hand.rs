@@ -49,7 +49,7 @@ impl LitHand {
     pub fn set_pose(&mut self, frame: usize, pose: &Pose) -> Result<Vec<[f32; 3]>, InvalidHandModel> {
         let light = self.lit.light.clone();
         let parts = light.parts(&self.model, pose)?;
-        let shades = light.shades(&parts);
+        let shades = light.shades(&parts, self.lit.interreflection);
         if self.lit.gloss.is_some() {
             self.keep(frame, parts);
         }

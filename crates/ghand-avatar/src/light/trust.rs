@@ -4,11 +4,11 @@
 //! capture of the back of a hand, is a guess. There the light falls back to the mean over what the images show,
 //! smoothly: skin there is as bright as skin in the images is on average.
 
-use ghand_core::light::{DIRECTION_COUNT, cosine_transfer, directions, harmonics};
-use glam::{DQuat, DVec3};
+use ghand_core::light::{DIRECTION_COUNT, directions};
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use super::LightKind;
+use super::{IrradianceParts, Light, LightKind};
 
 /// Power of the cosine with which a direction's value counts at a normal: half at 12 degrees, the distance of the nearest
 /// direction from a normal between them.
@@ -47,32 +47,34 @@ impl Trust {
         sum / whole
     }
 
-    /// What each coefficient of a light gives the normals that images show, on average, where nothing is in its way.
-    fn mean_parts(&self, kind: LightKind, towards: &[DVec3; DIRECTION_COUNT]) -> Vec<f64> {
+    /// What each coefficient and lamp of a light gives the normals that images show, on average, where nothing is in its
+    /// way.
+    fn mean_parts(&self, light: &Light, towards: &[DVec3; DIRECTION_COUNT]) -> Vec<f64> {
         let whole: f64 = self.0.iter().map(|[_, shown]| f64::from(*shown)).sum();
-        let part = |normal: &DVec3, k: usize| match kind {
-            LightKind::Transfer => cosine_transfer(*normal, towards[k]),
-            LightKind::Sh => harmonics(*normal)[k],
-        };
-        let normals = || towards.iter().zip(&self.0);
-        let mean = |k| normals().map(|(normal, [_, shown])| f64::from(*shown) * part(normal, k)).sum::<f64>() / whole;
-        (0..kind.len()).map(mean).collect()
+        let mut mean = vec![];
+        for (normal, [_, shown]) in towards.iter().zip(&self.0) {
+            let parts = light.open_parts(*normal);
+            mean.resize(parts.len(), 0.0);
+            mean.iter_mut().zip(parts).for_each(|(sum, part)| *sum += f64::from(*shown) * part / whole);
+        }
+        mean
     }
 
-    /// Replaces the parts of a light, one column of V numbers per coefficient, by those of its mean where it is not
-    /// trusted. What is in the way of even light shades the mean. `normals` are those of the vertices, world axes; `turn`
-    /// is the light's.
-    pub(super) fn blend(&self, kind: LightKind, turn: DQuat, columns: &mut [Vec<f32>], normals: &[DVec3]) {
+    /// Replaces the parts of a light by those of its mean where it is not trusted. What is in the way of even light shades
+    /// the mean.
+    pub(super) fn blend(&self, light: &Light, parts: &mut IrradianceParts) {
         let towards = directions();
-        let mean = self.mean_parts(kind, &towards);
-        for (v, normal) in normals.iter().enumerate() {
-            let trust = self.at(turn.inverse() * *normal, &towards);
+        let mean = self.mean_parts(light, &towards);
+        for (v, normal) in parts.normals.iter().enumerate() {
+            let trust = self.at(light.turn.inverse() * *normal, &towards);
             if trust < 1.0 {
-                let open = match kind {
-                    LightKind::Transfer => columns.iter().map(|column| f64::from(column[v])).sum(),
+                let open = match light.kind {
+                    LightKind::Transfer => {
+                        parts.columns[..DIRECTION_COUNT].iter().map(|column| f64::from(column[v])).sum()
+                    }
                     LightKind::Sh => 1.0,
                 };
-                for (column, mean) in columns.iter_mut().zip(&mean) {
+                for (column, mean) in parts.columns.iter_mut().zip(&mean) {
                     column[v] = (trust * f64::from(column[v]) + (1.0 - trust) * open * mean) as f32;
                 }
             }
@@ -87,13 +89,18 @@ mod tests {
     use ghand_core::{HandModel, Pose};
     use ghand_hand_model::builtin::builtin_hand;
 
+    use glam::DQuat;
+
     use super::*;
-    use crate::light::Light;
 
     /// Known on one side; the border is smooth.
     fn half(axis: DVec3) -> Trust {
         let value = |d: DVec3| [(0.5 + 2.0 * d.dot(axis)).clamp(0.0, 1.0) as f32; 2];
         Trust::new(directions().map(value).to_vec()).unwrap()
+    }
+
+    fn shades(light: &Light, model: &HandModel, pose: &Pose) -> Vec<[f32; 3]> {
+        light.shades(&light.parts(model, pose).unwrap(), [0.0; 3])
     }
 
     fn hand() -> (HandModel, Pose) {
@@ -135,14 +142,20 @@ mod tests {
     fn full_trust_changes_nothing_and_none_leaves_the_mean() {
         let (model, pose) = hand();
         let sh = (0..9).map(|k| [1.0 - 0.1 * k as f32; 3]).collect();
-        let sh = Light { kind: LightKind::Sh, turn: DQuat::from_rotation_y(0.4), coefficients: sh, trust: None };
+        let sh = Light {
+            kind: LightKind::Sh,
+            turn: DQuat::from_rotation_y(0.4),
+            coefficients: sh,
+            lamps: None,
+            trust: None,
+        };
         for plain in [Light::studio(), sh] {
-            let shades = plain.vertex_shades(&model, &pose).unwrap();
+            let lit = shades(&plain, &model, &pose);
             let with = |value: f32| {
                 let trust = Trust::new(vec![[value, 1.0]; DIRECTION_COUNT]);
-                Light { trust, ..plain.clone() }.vertex_shades(&model, &pose).unwrap()
+                shades(&Light { trust, ..plain.clone() }, &model, &pose)
             };
-            for (full, plain) in with(1.0).as_flattened().iter().zip(shades.as_flattened()) {
+            for (full, plain) in with(1.0).as_flattened().iter().zip(lit.as_flattened()) {
                 assert!((full - plain).abs() < 1e-5, "{full} instead of {plain}");
             }
             let [none, half] = [with(0.0), with(0.5)].map(|shades| shades.concat());
@@ -150,7 +163,7 @@ mod tests {
                 assert!(none.iter().all(|value| (value - none[0]).abs() < 1e-5), "no normal is brighter than another");
             }
             let strongest = |values: &[f32]| values.iter().copied().fold(0.0, f32::max);
-            let all = shades.concat();
+            let all = lit.concat();
             assert!(strongest(&none) < strongest(&half) && strongest(&half) < strongest(&all), "{:?}", plain.kind);
         }
     }
@@ -161,16 +174,16 @@ mod tests {
         for axis in [DVec3::Z, DVec3::X, DVec3::NEG_X] {
             let turn = DQuat::from_rotation_arc(DVec3::Z, axis);
             let coefficients = directions().map(|d| if d.z > 0.9 { [20.0; 3] } else { [0.0; 3] }).to_vec();
-            let plain = Light { kind: LightKind::Transfer, turn, coefficients, trust: None };
+            let plain = Light { kind: LightKind::Transfer, turn, coefficients, lamps: None, trust: None };
             let trusted = Light { trust: Some(half(DVec3::Z)), ..plain.clone() };
             let parts = trusted.parts(&model, &pose).unwrap();
-            let shades = trusted.shades(&parts);
-            let dark = plain.vertex_shades(&model, &pose).unwrap();
+            let shaded = trusted.shades(&parts, [0.0; 3]);
+            let dark = shades(&plain, &model, &pose);
             // A lamp of two or three directions: the mean over the half that it faces is about half of its strength.
             let lamps = plain.coefficients.iter().filter(|c| c[0] > 0.0).count() as f64;
             let mean = 20.0 * lamps * 4.0 / DIRECTION_COUNT as f64 * 0.5;
-            let away = (0..shades.len()).filter(|v| parts.normals[*v].dot(axis) < -0.6);
-            let (lit, unlit): (Vec<f32>, Vec<f32>) = away.map(|v| (shades[v][0], dark[v][0])).unzip();
+            let away = (0..shaded.len()).filter(|v| parts.normals[*v].dot(axis) < -0.6);
+            let (lit, unlit): (Vec<f32>, Vec<f32>) = away.map(|v| (shaded[v][0], dark[v][0])).unzip();
             assert!(lit.len() > 20, "{}", lit.len());
             assert!(unlit.iter().all(|value| f64::from(*value) < 1.01 * shade(0.0)), "without trust it is black");
             let brightest = f64::from(lit.iter().copied().fold(0.0, f32::max));

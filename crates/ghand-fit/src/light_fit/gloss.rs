@@ -9,8 +9,8 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::held_out;
 use super::least_squares::{non_negative, steepness};
+use super::terms::held_out;
 use crate::texels::frames::TexelFrames;
 
 /// The roughnesses compared. A smoother surface would show each of the light's directions as a lamp of its own.

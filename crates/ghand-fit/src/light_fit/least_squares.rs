@@ -3,8 +3,8 @@
 //! Errors count as they are seen: those of dark skin, which say how bright the shadows are, as much as those of lit skin.
 //! Large ones count less: the edge of a shadow is where template and hand differ.
 
-use ghand_core::light::{DISPLAY_EXPONENT, linear, shade};
-use nalgebra::{DMatrix, DVector};
+use ghand_core::light::{DIRECTION_COUNT, DISPLAY_EXPONENT, linear, shade};
+use nalgebra::{DMatrix, DVector, RowDVector};
 use rayon::prelude::*;
 
 /// Most turns of light and albedo, and the change of the light, as a fraction of it, that ends them.
@@ -38,14 +38,96 @@ pub(super) enum LightModel {
     Directions,
 }
 
+/// The unknowns of a light: the columns of [`Parts`].
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Unknowns {
+    pub model: LightModel,
+    /// How many of the light's directions each is: their sum is all of them, and each lamp counts as one more.
+    pub shares: DVector<f64>,
+    /// Lamps near the hand, which come last.
+    pub lamps: usize,
+}
+
+impl Unknowns {
+    /// Even light.
+    pub fn constant() -> Unknowns {
+        Unknowns { model: LightModel::Constant, shares: DVector::from_element(1, DIRECTION_COUNT as f64), lamps: 0 }
+    }
+
+    /// All directions, and lamps.
+    pub fn directions(model: LightModel, lamps: usize) -> Unknowns {
+        Unknowns { model, shares: DVector::from_element(DIRECTION_COUNT + lamps, 1.0), lamps }
+    }
+
+    /// Light of which nothing is known: the same from everywhere.
+    fn even(&self) -> DVector<f64> {
+        let mut even = DVector::from_element(self.shares.len(), 1.0);
+        even.rows_mut(self.shares.len() - self.lamps, self.lamps).fill(0.0);
+        even
+    }
+}
+
+/// What each unknown of a light gives some points of a hand.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Parts {
+    /// Row by point, column by unknown.
+    pub direct: DMatrix<f64>,
+    /// Of even light, the part that does not reach each point past the hand.
+    pub closed: DVector<f64>,
+    /// The mean of each unknown over the hand.
+    pub mean: RowDVector<f64>,
+}
+
+impl Parts {
+    /// Those of even light for all of `count` points.
+    pub fn constant(count: usize) -> Parts {
+        let direct = DMatrix::from_element(count, 1, 1.0);
+        Parts { direct, closed: DVector::zeros(count), mean: RowDVector::from_element(1, 1.0) }
+    }
+
+    /// Those of some of the points.
+    pub fn select(&self, points: &[usize]) -> Parts {
+        let closed = DVector::from_iterator(points.len(), points.iter().map(|t| self.closed[*t]));
+        Parts { direct: self.direct.select_rows(points), closed, mean: self.mean.clone() }
+    }
+
+    /// With what skin throws on skin.
+    fn rows(&self, interreflection: f64) -> DMatrix<f64> {
+        let mut rows = self.direct.clone();
+        if interreflection > 0.0 {
+            rows.ger(interreflection, &self.closed, &self.mean.transpose(), 1.0);
+        }
+        rows
+    }
+
+    /// The irradiances of the points.
+    fn irradiances(&self, light: &DVector<f64>, interreflection: f64) -> DVector<f64> {
+        let thrown = interreflection * self.mean.transpose().dot(light);
+        &self.direct * light + &self.closed * thrown
+    }
+}
+
 /// What a frame shows of some texels.
 pub(super) struct FrameColors {
     /// Which texels.
     pub texels: Vec<usize>,
     /// Their colours, linear.
     pub colors: Vec<[f64; 3]>,
-    /// What each unknown of the light gives each of them.
-    pub parts: DMatrix<f64>,
+    /// What the light gives each of them.
+    pub parts: Parts,
+}
+
+impl FrameColors {
+    /// Those of some texels, in order.
+    pub fn of_texels(&self, texels: &[usize]) -> FrameColors {
+        let shown: Vec<usize> =
+            (0..self.texels.len()).filter(|i| texels.binary_search(&self.texels[*i]).is_ok()).collect();
+        FrameColors {
+            texels: shown.iter().map(|i| self.texels[*i]).collect(),
+            colors: shown.iter().map(|i| self.colors[*i]).collect(),
+            parts: self.parts.select(&shown),
+        }
+    }
 }
 
 /// Light and albedos of one channel.
@@ -53,24 +135,40 @@ pub(super) struct FrameColors {
 pub(super) struct ChannelFit {
     pub light: DVector<f64>,
     pub albedo: DVector<f64>,
+    /// See `ghand_avatar::AvatarLight::interreflection`.
+    pub interreflection: f64,
 }
 
-/// Light and albedos of the three channels, linear.
-pub(super) fn fit(unknowns: LightModel, frames: &[&FrameColors], texels: usize) -> Vec<ChannelFit> {
-    let fits: Vec<ChannelFit> =
-        (0..3usize).into_par_iter().map(|channel| fit_channel(unknowns, frames, texels, channel)).collect();
-    if unknowns == LightModel::Constant {
+impl ChannelFit {
+    /// The irradiances of a frame's texels.
+    fn irradiances(&self, frame: &FrameColors) -> DVector<f64> {
+        frame.parts.irradiances(&self.light, self.interreflection)
+    }
+}
+
+/// Light and albedos of the three channels, linear, where skin throws this part of its light on skin.
+pub(super) fn fit(
+    unknowns: &Unknowns,
+    frames: &[&FrameColors],
+    texels: usize,
+    interreflection: [f64; 3],
+) -> Vec<ChannelFit> {
+    let fits: Vec<ChannelFit> = (0..3usize)
+        .into_par_iter()
+        .map(|channel| fit_channel(unknowns, frames, texels, channel, interreflection[channel]))
+        .collect();
+    if unknowns.model == LightModel::Constant {
         return fits;
     }
     // Each channel for itself, light from where images hardly tell has any colour, which shadows then take.
     let gray = fits.iter().map(|fit| &fit.light).sum::<DVector<f64>>() / 3.0;
     let less_colored = |(channel, fit): (usize, ChannelFit)| {
         let values = values_of(frames, channel);
-        let weights = robust_weights(frames, &values, &fit.light, &fit.albedo);
+        let weights = robust_weights(frames, &values, &fit);
         let pull = Pull { to: &gray, ridge: COLOR_RIDGE };
-        let light = fit_light(unknowns, frames, &values, &weights, &fit.albedo, fit.light, &pull);
-        let albedo = fit_albedo(frames, &values, &weights, &light, texels);
-        ChannelFit { light, albedo }
+        let light = fit_light(unknowns, frames, &values, &weights, &fit, &pull);
+        let fit = ChannelFit { light, ..fit };
+        ChannelFit { albedo: fit_albedo(frames, &values, &weights, &fit, texels), ..fit }
     };
     fits.into_par_iter().enumerate().map(less_colored).collect()
 }
@@ -87,31 +185,35 @@ struct Pull<'a> {
     ridge: f64,
 }
 
-fn fit_channel(unknowns: LightModel, frames: &[&FrameColors], texels: usize, channel: usize) -> ChannelFit {
-    let count = frames.first().map_or(0, |frame| frame.parts.ncols());
-    // Even light.
-    let mut light = DVector::from_element(count, 1.0);
-    if unknowns == LightModel::Constant {
-        return ChannelFit { light, albedo: mean_colors(frames, texels, channel) };
+/// Light and albedos of one channel, linear.
+pub(super) fn fit_channel(
+    unknowns: &Unknowns,
+    frames: &[&FrameColors],
+    texels: usize,
+    channel: usize,
+    interreflection: f64,
+) -> ChannelFit {
+    let even = unknowns.even();
+    if unknowns.model == LightModel::Constant {
+        return ChannelFit { light: even, albedo: mean_colors(frames, texels, channel), interreflection: 0.0 };
     }
     let values = values_of(frames, channel);
     // Directions that nothing shows are not dark: they are drawn to even light.
-    let even = light.clone();
     let pull = Pull { to: &even, ridge: LIGHT_RIDGE };
     // All skin alike: what light explains is light.
-    let mut albedo = DVector::from_element(texels, 1.0);
+    let mut fit = ChannelFit { light: even.clone(), albedo: DVector::from_element(texels, 1.0), interreflection };
     let mut weights: Vec<Vec<f64>> =
         values.iter().map(|values| values.iter().map(|value| steepness(*value).powi(2)).collect()).collect();
     for _ in 0..ROUNDS {
-        let before = light.clone();
-        light = fit_light(unknowns, frames, &values, &weights, &albedo, light, &pull);
-        albedo = fit_albedo(frames, &values, &weights, &light, texels);
-        weights = robust_weights(frames, &values, &light, &albedo);
-        if (&light - before).norm() < SMALL_CHANGE * light.norm() {
+        let before = fit.light.clone();
+        fit.light = fit_light(unknowns, frames, &values, &weights, &fit, &pull);
+        fit.albedo = fit_albedo(frames, &values, &weights, &fit, texels);
+        weights = robust_weights(frames, &values, &fit);
+        if (&fit.light - before).norm() < SMALL_CHANGE * fit.light.norm() {
             break;
         }
     }
-    ChannelFit { light, albedo }
+    fit
 }
 
 /// The texels' mean colours, taken over display values.
@@ -128,60 +230,63 @@ fn mean_colors(frames: &[&FrameColors], texels: usize, channel: usize) -> DVecto
     DVector::from_iterator(texels, sums.iter().map(of_texel))
 }
 
-/// The light under which albedos look as they do, with a mean of 1: albedo carries the scale.
+/// The light under which the albedos of a fit look as they do, with a mean over the directions of 1: albedo carries the
+/// scale.
 fn fit_light(
-    unknowns: LightModel,
+    unknowns: &Unknowns,
     frames: &[&FrameColors],
     values: &[Vec<f64>],
     weights: &[Vec<f64>],
-    albedo: &DVector<f64>,
-    before: DVector<f64>,
+    fit: &ChannelFit,
     pull: &Pull,
 ) -> DVector<f64> {
-    let count = before.len();
+    let count = fit.light.len();
     let mut matrix = DMatrix::zeros(count, count);
     let mut vector = DVector::zeros(count);
     for ((frame, values), weights) in frames.iter().zip(values).zip(weights) {
-        let mut rows = frame.parts.clone();
+        let mut rows = frame.parts.rows(fit.interreflection);
         let mut targets = DVector::zeros(values.len());
         for (i, mut row) in rows.row_iter_mut().enumerate() {
             let weight = weights[i].sqrt();
-            row *= weight * albedo[frame.texels[i]];
+            row *= weight * fit.albedo[frame.texels[i]];
             targets[i] = weight * values[i];
         }
         let transposed = rows.transpose();
         matrix += &transposed * &rows;
         vector += transposed * targets;
     }
-    let ridge = pull.ridge * matrix.trace() / count as f64;
-    for k in 0..count {
+    // A lamp is found because it stands out: nothing needs to hold it.
+    let directions = count - unknowns.lamps;
+    let ridge = pull.ridge * matrix.diagonal().rows(0, directions).mean();
+    for k in 0..directions {
         matrix[(k, k)] += ridge;
         vector[k] += ridge * pull.to[k];
     }
-    let mut light = match unknowns {
+    let before = fit.light.clone();
+    let mut light = match unknowns.model {
         LightModel::Directions => non_negative(&matrix, &vector, before),
-        LightModel::Lamps => lamps_in_a_sky(&matrix, &vector, &before),
+        LightModel::Lamps => lamps_in_a_sky(&matrix, &vector, &before, unknowns.lamps),
         LightModel::Constant => before,
     };
-    let scale = light.mean();
+    let scale = light.dot(&unknowns.shares) / DIRECTION_COUNT as f64;
     if scale > 0.0 {
         light /= scale;
     }
     light
 }
 
-/// The albedos of all texels under a light, drawn to their mean.
+/// The albedos of all texels under the light of a fit, drawn to their mean.
 fn fit_albedo(
     frames: &[&FrameColors],
     values: &[Vec<f64>],
     weights: &[Vec<f64>],
-    light: &DVector<f64>,
+    fit: &ChannelFit,
     texels: usize,
 ) -> DVector<f64> {
     // Of each texel: sums of irradiance * colour and of irradiance^2.
     let mut sums = vec![[0.0; 2]; texels];
     for ((frame, values), weights) in frames.iter().zip(values).zip(weights) {
-        let irradiance = &frame.parts * light;
+        let irradiance = fit.irradiances(frame);
         for (i, t) in frame.texels.iter().enumerate() {
             sums[*t][0] += weights[i] * irradiance[i] * values[i];
             sums[*t][1] += weights[i] * irradiance[i] * irradiance[i];
@@ -198,17 +303,12 @@ pub(super) fn steepness(linear: f64) -> f64 {
 }
 
 /// The weights of squared linear errors at a fit.
-fn robust_weights(
-    frames: &[&FrameColors],
-    values: &[Vec<f64>],
-    light: &DVector<f64>,
-    albedo: &DVector<f64>,
-) -> Vec<Vec<f64>> {
+fn robust_weights(frames: &[&FrameColors], values: &[Vec<f64>], fit: &ChannelFit) -> Vec<Vec<f64>> {
     let errors: Vec<Vec<f64>> = (frames.iter().zip(values))
         .map(|(frame, values)| {
-            let irradiance = &frame.parts * light;
+            let irradiance = fit.irradiances(frame);
             let error =
-                |(i, value): (usize, &f64)| steepness(*value) * (value - albedo[frame.texels[i]] * irradiance[i]);
+                |(i, value): (usize, &f64)| steepness(*value) * (value - fit.albedo[frame.texels[i]] * irradiance[i]);
             values.iter().enumerate().map(error).collect()
         })
         .collect();
@@ -222,15 +322,19 @@ fn robust_weights(
 
 /// Mean squared error of display values in some frames.
 pub(super) fn squared_error(frames: &[&FrameColors], fits: &[ChannelFit]) -> f64 {
+    let errors = fits.iter().enumerate().map(|(channel, fit)| squared_error_of(frames, fit, channel));
+    errors.sum::<f64>() / fits.len().max(1) as f64
+}
+
+/// As [`squared_error`], of one channel.
+pub(super) fn squared_error_of(frames: &[&FrameColors], fit: &ChannelFit, channel: usize) -> f64 {
     let (mut sum, mut count) = (0.0, 0usize);
-    for (channel, fit) in fits.iter().enumerate() {
-        for frame in frames {
-            let irradiance = &frame.parts * &fit.light;
-            for (i, t) in frame.texels.iter().enumerate() {
-                let display = shade(irradiance[i] * fit.albedo[*t]).min(1.0);
-                sum += (display - shade(frame.colors[i][channel])).powi(2);
-                count += 1;
-            }
+    for frame in frames {
+        let irradiance = fit.irradiances(frame);
+        for (i, t) in frame.texels.iter().enumerate() {
+            let display = shade(irradiance[i] * fit.albedo[*t]).min(1.0);
+            sum += (display - shade(frame.colors[i][channel])).powi(2);
+            count += 1;
         }
     }
     sum / count.max(1) as f64
@@ -239,7 +343,7 @@ pub(super) fn squared_error(frames: &[&FrameColors], fits: &[ChannelFit]) -> f64
 /// The irradiance of each texel in each frame, RGB.
 pub(super) fn irradiances(frames: &[FrameColors], fits: &[ChannelFit]) -> Vec<[f64; 3]> {
     let of_frame = |frame: &FrameColors| {
-        let channels: Vec<DVector<f64>> = fits.iter().map(|fit| &frame.parts * &fit.light).collect();
+        let channels: Vec<DVector<f64>> = fits.iter().map(|fit| fit.irradiances(frame)).collect();
         (0..frame.texels.len()).map(|i| [0, 1, 2].map(|c| channels[c][i])).collect::<Vec<_>>()
     };
     frames.iter().flat_map(of_frame).collect()
@@ -250,7 +354,7 @@ pub(super) fn frame_factors(frames: &[FrameColors], fits: &[ChannelFit]) -> Vec<
     let logarithm = |frame: &FrameColors| {
         let mut ratios = Vec::new();
         for (channel, fit) in fits.iter().enumerate() {
-            let irradiance = &frame.parts * &fit.light;
+            let irradiance = fit.irradiances(frame);
             for (i, t) in frame.texels.iter().enumerate() {
                 let seen = frame.colors[i][channel];
                 let fitted = irradiance[i] * fit.albedo[*t];
@@ -268,25 +372,30 @@ pub(super) fn frame_factors(frames: &[FrameColors], fits: &[ChannelFit]) -> Vec<
 }
 
 /// The light of least error, of which what is not the same from everywhere is sparse: directions are charged for their
-/// radiance above the sky's, those that are bright already hardly at all.
-fn lamps_in_a_sky(matrix: &DMatrix<f64>, vector: &DVector<f64>, before: &DVector<f64>) -> DVector<f64> {
+/// radiance above the sky's, those that are bright already hardly at all. The last `lamps` unknowns are no directions:
+/// they are no part of the sky, and charged for nothing.
+fn lamps_in_a_sky(matrix: &DMatrix<f64>, vector: &DVector<f64>, before: &DVector<f64>, lamps: usize) -> DVector<f64> {
     let count = before.len();
-    let even = matrix.column_sum();
+    let directions = count - lamps;
+    let even: DVector<f64> = matrix.columns(0, directions).column_sum();
     // The last unknown is the sky.
     let mut all = matrix.clone().resize(count + 1, count + 1, 0.0);
     all.view_mut((count, 0), (1, count)).tr_copy_from(&even);
     all.view_mut((0, count), (count, 1)).copy_from(&even);
-    all[(count, count)] = even.sum();
-    let sky = before.min();
-    let charge = SPARSITY * vector.mean();
-    let mut values = vector.clone().resize_vertically(count + 1, vector.sum());
+    all[(count, count)] = even.rows(0, directions).sum();
+    let before_directions = before.rows(0, directions);
+    let sky = before_directions.min();
+    let charge = SPARSITY * vector.rows(0, directions).mean();
+    let mut values = vector.clone().resize_vertically(count + 1, vector.rows(0, directions).sum());
     let mut start = before.clone().resize_vertically(count + 1, sky);
-    for k in 0..count {
+    for k in 0..directions {
         start[k] -= sky;
-        values[k] -= charge / (1.0 + start[k] / before.mean());
+        values[k] -= charge / (1.0 + start[k] / before_directions.mean());
     }
     let found = non_negative(&all, &values, start);
-    found.rows(0, count).add_scalar(found[count])
+    let mut light = found.rows(0, count).into_owned();
+    light.rows_mut(0, directions).add_scalar_mut(found[count]);
+    light
 }
 
 /// The minimum of `x^T A x / 2 - b^T x` without negative `x`, by coordinate descent from `x`.
@@ -329,6 +438,11 @@ mod tests {
         }
     }
 
+    /// Parts of points that nothing hides.
+    fn open_parts(direct: DMatrix<f64>) -> Parts {
+        Parts { closed: DVector::zeros(direct.nrows()), mean: RowDVector::zeros(direct.ncols()), direct }
+    }
+
     /// A lamp in a sky on balls of random skin, each turned otherwise in each frame.
     fn planted(lamp: usize, sky: f64) -> (Vec<FrameColors>, Vec<f64>) {
         let towards = directions();
@@ -341,16 +455,19 @@ mod tests {
                 let irradiance: f64 = (0..64).map(|k| parts[(t, k)] * if k == lamp { 16.0 } else { sky }).sum();
                 [irradiance * albedo[t]; 3]
             };
-            FrameColors { texels: (0..albedo.len()).collect(), colors: (0..albedo.len()).map(color).collect(), parts }
+            let colors = (0..albedo.len()).map(color).collect();
+            let parts = open_parts(parts.clone());
+            FrameColors { texels: (0..albedo.len()).collect(), colors, parts }
         };
         ((0..10).map(frame).collect(), albedo)
     }
 
     #[test]
     fn a_lamp_in_a_sky_and_the_skin_under_them_are_found() {
+        let lamps = Unknowns::directions(LightModel::Lamps, 0);
         for (lamp, sky) in [(5, 0.3), (40, 0.1)] {
             let (frames, albedo) = planted(lamp, sky);
-            let found = &fit(LightModel::Lamps, &frames.iter().collect::<Vec<_>>(), albedo.len())[0];
+            let found = &fit(&lamps, &frames.iter().collect::<Vec<_>>(), albedo.len(), [0.0; 3])[0];
             assert_eq!(found.light.imax(), lamp);
             let skies = found.light.iter().filter(|radiance| **radiance == found.light.min()).count();
             assert!(skies >= 60, "{skies} of 64 directions are the sky");
@@ -368,11 +485,12 @@ mod tests {
 
     #[test]
     fn frames_that_are_brighter_than_the_light_explains_are_found() {
+        let lamps = Unknowns::directions(LightModel::Lamps, 0);
         let (mut frames, albedo) = planted(5, 0.3);
         for frame in frames.iter_mut().step_by(2) {
             frame.colors.iter_mut().flatten().for_each(|value| *value *= linear(1.1));
         }
-        let fits = fit(LightModel::Lamps, &frames.iter().collect::<Vec<_>>(), albedo.len());
+        let fits = fit(&lamps, &frames.iter().collect::<Vec<_>>(), albedo.len(), [0.0; 3]);
         for (f, factor) in frame_factors(&frames, &fits).iter().enumerate() {
             let expected = if f % 2 == 0 { 1.1f64.sqrt() } else { 1.0 / 1.1f64.sqrt() };
             assert!((factor / expected - 1.0).abs() < 0.02, "frame {f}: {factor} for {expected}");

@@ -2,15 +2,17 @@
 
 use ghand_core::light::linear;
 use ghand_hand_model::SurfaceSamples;
-use nalgebra::DMatrix;
 
 use super::gloss::ImageGloss;
-use super::least_squares::FrameColors;
+use super::least_squares::{FrameColors, Parts};
 use crate::texels::frames::TexelFrames;
 use crate::texels::views::TexelView;
 
 /// A texel takes part if this many frames show it.
 const LEAST_FRAMES: usize = 4;
+
+/// One texel of this many is enough for what concerns all of the hand.
+const TEXEL_STRIDE: usize = 3;
 
 /// What frames show of the texels.
 pub(super) struct Observations {
@@ -53,6 +55,11 @@ impl Observations {
         (0..self.samples.len()).filter(|t| self.colors.iter().any(|frame| frame[*t].is_some())).count()
     }
 
+    /// Some of the texels, all over the hand, in order.
+    pub fn some_texels(&self) -> Vec<usize> {
+        (0..self.samples.len()).step_by(TEXEL_STRIDE).collect()
+    }
+
     /// The texels that a frame shows.
     pub fn shown(&self, frame: usize) -> impl Iterator<Item = usize> {
         self.colors[frame].iter().enumerate().filter_map(|(t, color)| color.map(|_| t))
@@ -66,9 +73,9 @@ impl Observations {
     }
 
     /// A frame's colours with what each unknown of a light gives all texels.
-    pub fn colors(&self, frame: usize, parts: DMatrix<f64>) -> FrameColors {
+    pub fn colors(&self, frame: usize, parts: &Parts) -> FrameColors {
         let seen = self.colors[frame].iter().enumerate().filter_map(|(t, color)| color.map(|color| (t, color)));
         let (texels, colors): (Vec<usize>, Vec<[f64; 3]>) = seen.unzip();
-        FrameColors { parts: parts.select_rows(&texels), texels, colors }
+        FrameColors { parts: parts.select(&texels), texels, colors }
     }
 }

@@ -1,7 +1,7 @@
 //! Light with something extreme about it, and the twin of what it does to Gaussians.
 
 use ghand_avatar::Avatar;
-use ghand_avatar::light::{AvatarLight, Gloss, Light, LightKind, gloss};
+use ghand_avatar::light::{AvatarLight, Gloss, Lamp, Lamps, Light, LightKind, MOST_INTERREFLECTION, gloss};
 use ghand_avatar::reference::{PosedGaussians, rows, vectors};
 use ghand_core::Pose;
 use ghand_core::light::{SurfaceLight, lit, lit_vjp};
@@ -39,8 +39,20 @@ pub fn draw(draw: &mut Sampler, avatar: &Avatar) -> anyhow::Result<AvatarLight> 
         roughness: draw.log(0.01, 1.0),
         strengths: (0..avatar.template.joint_count()).map(|_| [0; 3].map(|_| bright(draw, 0.3))).collect(),
     });
+    let near = kind == LightKind::Transfer && draw.chance(0.5);
+    let lamps = near.then(|| Lamps {
+        place: draw.vector(0.3),
+        reach: draw.log(1e-3, 0.3),
+        lamps: vec![Lamp {
+            offset: draw.vector(1.0).normalize_or(DVec3::Y) * draw.log(0.31, 1e3),
+            radius: draw.log(1e-6, 1e3),
+            radiance: [0; 3].map(|_| bright(draw, dark)),
+        }],
+    });
+    let thrown = if near { MOST_INTERREFLECTION.map(|most| draw.log(1e-3, f64::from(most)) as f32) } else { [0.0; 3] };
     let samples = sample_surface(&avatar.model, avatar.config.uv_resolution)?;
-    Ok(AvatarLight::new(Light { kind, turn, coefficients, trust: None }, gloss, &samples))
+    let lit = AvatarLight::new(Light { kind, turn, coefficients, lamps, trust: None }, gloss, &samples);
+    Ok(AvatarLight { interreflection: thrown, ..lit })
 }
 
 /// What falls on an avatar's mesh in a pose, as an eye sees it: the numbers that the device is given.
@@ -75,7 +87,7 @@ impl TwinLight {
         Ok(Some(TwinLight {
             corners: on_avatar.corners(model),
             barycentric: wide(&on_avatar.barycentric),
-            shades: light.shades(&parts),
+            shades: on_avatar.shades(&parts),
             gloss: on_avatar.gloss.as_ref().map(mirrored).unwrap_or_default(),
         }))
     }

@@ -33,11 +33,24 @@ pub(crate) fn plant_light(hand: &mut PosedTrueHand, light: &PlantedLight) {
         hand.light_visibility.fill(light.sky);
         return;
     }
-    let map = HeightMap::of(&hand.positions, light.towards);
-    let skin = hand.positions.par_iter().zip(&hand.normals);
-    hand.light_visibility.par_iter_mut().zip(skin).for_each(|(visibility, (position, normal))| {
-        let direct = light.key * normal.dot(light.towards).max(0.0);
-        let lit = if direct > 0.0 { map.lit_part(*position) } else { 0.0 };
+    // Seen from a near lamp, rays from it are parallel after division by the distance along its axis.
+    let from_lamp = |p: DVec3| {
+        let along = light.distance - p.dot(light.towards);
+        let across = p - light.towards * p.dot(light.towards);
+        across * (light.distance / along) - light.towards * along
+    };
+    let is_near = light.distance.is_finite();
+    let seen: Vec<DVec3> = hand.positions.iter().map(|p| if is_near { from_lamp(*p) } else { *p }).collect();
+    let map = HeightMap::of(&seen, light.towards);
+    let skin = hand.positions.par_iter().zip(&hand.normals).zip(&seen);
+    hand.light_visibility.par_iter_mut().zip(skin).for_each(|(visibility, ((position, normal), seen))| {
+        let to_lamp = light.towards * light.distance - *position;
+        let (towards, nearer) = match is_near {
+            true => (to_lamp.normalize(), light.distance * light.distance / to_lamp.length_squared()),
+            false => (light.towards, 1.0),
+        };
+        let direct = light.key * nearer * normal.dot(towards).max(0.0);
+        let lit = if direct > 0.0 { map.lit_part(*seen) } else { 0.0 };
         *visibility = (light.sky * *visibility + direct * lit).powf(1.0 / 2.2);
     });
 }

@@ -28,7 +28,7 @@ pub(crate) fn lighting(setup: LightSetup) -> SceneLighting {
             wrap: 0.05,
         },
         // All of it is in the factor of each vertex.
-        LightSetup::Key | LightSetup::Rim | LightSetup::Flat => {
+        LightSetup::Key | LightSetup::Rim | LightSetup::Lamp | LightSetup::Flat => {
             SceneLighting { ambient: DVec3::ONE, lights: vec![], wrap: 0.0 }
         }
     }

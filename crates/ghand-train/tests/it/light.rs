@@ -76,6 +76,20 @@ fn a_planted_light_and_the_skin_under_it_are_found() {
 }
 
 #[test]
+fn a_planted_lamp_near_the_hand_is_found() {
+    let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
+    let (mut lit, _folder) = capture(LightSetup::Lamp);
+    let poses = align_in_place(&mut lit);
+    let fit = fit(&gpu, &lit, &poses, LightChoice::Auto);
+    let planted = LightSetup::Lamp.planted().unwrap();
+    let report = fit.report();
+    assert_eq!(report.lamps.len(), 1, "{report:?}");
+    let lamp = DVec3::from(report.lamps[0].position);
+    let off = lamp.distance(planted.towards * planted.distance);
+    assert!(off < 0.3 * planted.distance, "the lamp is off by {off} m");
+}
+
+#[test]
 fn skin_without_light_on_it_needs_none() {
     let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
     let (mut flat, _folder) = capture(LightSetup::Flat);
@@ -130,7 +144,7 @@ fn exact(planted: &PlantedLight) -> Light {
     let mean = coefficients.iter().map(|c| c[0]).sum::<f64>() / DIRECTION_COUNT as f64;
     let coefficients = coefficients.iter().map(|c| c.map(|radiance| (radiance / mean) as f32)).collect();
     let turn = DQuat::from_rotation_arc(directions()[0], planted.towards);
-    Light { kind: LightKind::Transfer, turn, coefficients, trust: None }
+    Light { kind: LightKind::Transfer, turn, coefficients, lamps: None, trust: None }
 }
 
 /// An avatar trained in the light `key` and relit with the exact light `rim`, against the same capture in that light:
