@@ -61,6 +61,7 @@ pub enum GlossChoice {
 
 /// How often gloss is found and then taken from the images for the light.
 const GLOSS_ROUNDS: usize = 2;
+
 /// How well each kind of light explains frames that its fit has not seen: mean squared error of the display values.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct LightFigures {
@@ -70,7 +71,8 @@ pub struct LightFigures {
     pub lamps: f64,
     /// Directions with shadows, each with a radiance of its own.
     pub transfer: f64,
-    /// The better of the two, with lamps near the hand where they stand; `None` if that was not tried.
+    /// The better of the two, with the lamps near the hand that are kept, or with the one that is not; `None` if none was
+    /// tried.
     #[serde(default)]
     pub near: Option<f64>,
     /// The best of these with light that skin throws on skin; `None` if that was not tried.

@@ -136,8 +136,11 @@ impl<'a> Terms<'a> {
             let count = more.lamps.len();
             let [few, many] = self.errors_of_models(&near, count);
             let (directions, error) = directions_needed(few, many);
-            self.figures.near = Some(self.figures.near.unwrap_or(f64::INFINITY).min(error));
             let is_worthwhile = error < WORTHWHILE_LAMP * least;
+            // The error with the lamps that are kept; if none is, that which was not worth it.
+            if is_worthwhile || self.figures.near.is_none() {
+                self.figures.near = Some(error);
+            }
             if !is_worthwhile {
                 return;
             }
