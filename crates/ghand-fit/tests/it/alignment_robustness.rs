@@ -8,6 +8,7 @@ use ghand_core::{HandModel, Pose, Side};
 use ghand_fit::alignment::{Rejection, align};
 use ghand_hand_model::builtin::builtin_hand;
 use ghand_synthetic::SyntheticOptions;
+use ghand_test_support::cases;
 use glam::DVec3;
 
 /// How far poses are off before and after an alignment.
@@ -126,8 +127,10 @@ fn poses_that_are_off_in_all_frames_alike_become_better() {
     // proportions explain the same contours. With a person's own bones 7.8 and 3.4: there is no telling a wrist that lies
     // elsewhere from longer metacarpals.
     let biased = SyntheticOptions { pose_bias_degrees: 6.0, ..small_options(3) };
-    of_options("bias 6", &SyntheticOptions { bone_spread: 0.0, ..biased.clone() }).assert_within([0.65, 0.35]);
     of_options("bias 6, own bones", &biased).assert_within([0.65, 1.0]);
+    if cases(false, true) {
+        of_options("bias 6", &SyntheticOptions { bone_spread: 0.0, ..biased }).assert_within([0.65, 0.35]);
+    }
 }
 
 #[test]
@@ -146,7 +149,7 @@ fn extreme_person(identity: u64) -> SyntheticOptions {
 
 #[test]
 fn persons_at_the_ends_of_the_population_are_aligned() {
-    for identity in 20..24 {
+    for identity in 20..cases(22, 24) {
         let found = of_options(&format!("person {identity}"), &extreme_person(identity));
         // 0.61 and 0.47 at most as measured with twelve persons, none of whom is refused.
         assert_eq!(found.rejection, None, "{identity}");

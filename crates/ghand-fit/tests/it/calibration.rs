@@ -8,6 +8,7 @@ use ghand_core::rotation::rotation_from_axis_angle;
 use ghand_fit::alignment::results::review::review;
 use ghand_fit::alignment::{Alignment, align};
 use ghand_synthetic::SyntheticOptions;
+use ghand_test_support::cases;
 use glam::{DVec2, DVec3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -69,9 +70,8 @@ fn wrong_calibrations_are_refined_and_right_ones_kept() {
     let split = capture.split("train").unwrap().clone();
     let mut exact = f64::NAN;
     // Radians and parts; the largest puts the hand some 10 pixels beside where it is, in images where it is 150 high.
-    for (errors, seed) in
-        [([0.0; 4], 5), ([0.008, 0.008, 0.01, 0.01], 5), ([0.008, 0.008, 0.0, 0.0], 6), ([0.003; 4], 7)]
-    {
+    let all = [([0.0; 4], 5), ([0.008, 0.008, 0.01, 0.01], 5), ([0.003; 4], 7), ([0.008, 0.008, 0.0, 0.0], 6)];
+    for (errors, seed) in all.into_iter().take(cases(2, all.len())) {
         let off = Capture { cameras: wrong(&capture.cameras, errors, seed), ..capture.clone() };
         let aligned = align(&off, &split, None, &mut |_, _| true).unwrap();
         let calibration = aligned.calibration.as_ref();
@@ -128,7 +128,7 @@ fn refined_cameras_are_read_again_and_those_of_another_capture_are_refused() {
 
 #[test]
 fn a_camera_that_is_late_is_told() {
-    for views in [2, 3] {
+    for views in 2..=cases(2, 3) {
         let (capture, _folder) = make(&options(views, 60, 4));
         let split = capture.split("train").unwrap().clone();
         // Cameras with the frames by which they are told to be late.
@@ -171,7 +171,7 @@ fn delay(capture: &Capture, split: &Split, camera: usize, frames: usize) {
 fn a_camera_of_other_moments_is_told_where_given_poses_are_far_off() {
     let biased = SyntheticOptions { pose_bias_degrees: 6.0, ..options(4, 16, 5) };
     let noisy = SyntheticOptions { pose_noise_degrees: 12.0, ..options(5, 24, 6) };
-    for (options, late) in [(biased, 2), (noisy, 3)] {
+    for (options, late) in [(biased, 2), (noisy, 3)].into_iter().take(cases(1, 2)) {
         let (capture, _folder) = make(&options);
         let split = capture.split("train").unwrap().clone();
         let told = |split: &Split| review(&capture, split).unwrap().unwrap().odd_cameras;
@@ -193,7 +193,8 @@ fn a_camera_of_other_moments_is_told_where_given_poses_are_far_off() {
 fn a_camera_that_was_moved_is_named() {
     let (capture, _folder) = make(&options(4, 12, 8));
     let split = capture.split("train").unwrap().clone();
-    for (camera, turn) in [(split.cameras[0], 0.06), (split.cameras[2], 0.15), (split.cameras[1], 0.3)] {
+    let all = [(split.cameras[0], 0.06), (split.cameras[2], 0.15), (split.cameras[1], 0.3)];
+    for (camera, turn) in all.into_iter().take(cases(1, all.len())) {
         let mut cameras = capture.cameras.clone();
         cameras[camera].rotation = rotation_from_axis_angle(DVec3::new(0.0, turn, 0.0)) * cameras[camera].rotation;
         let found = review(&Capture { cameras, ..capture.clone() }, &split).unwrap().unwrap();

@@ -3,12 +3,16 @@
 use ghand_core::Side;
 use ghand_core::posing::pose_hand;
 use ghand_hand_model::builtin::builtin_hand;
+use ghand_test_support::cases;
 use ghand_test_support::self_penetration::deepest_penetration;
 
 use super::*;
 
-/// Frames per motion that are checked.
-const FRAMES: usize = 20;
+/// How many frames of a motion are checked.
+fn frames_to_check() -> usize {
+    cases(8, 20)
+}
+
 /// Metres. The deepest of the frames that are checked is 1.81 mm.
 const DEEPEST: f64 = 0.002;
 
@@ -22,7 +26,7 @@ fn no_motion_is_inside_itself() {
                 let posed = pose_hand(&model, &[], &frame.pose).unwrap().vertices;
                 deepest_penetration(&model.faces, &model.vertices, &posed)
             };
-            let sampled = frames.iter().step_by(frames.len().div_ceil(FRAMES));
+            let sampled = frames.iter().step_by(frames.len().div_ceil(frames_to_check()));
             let depths = sampled.map(|frame| (depth(frame), &frame.id));
             let (depth, id) = depths.max_by(|a, b| a.0.total_cmp(&b.0)).unwrap();
             println!("{}, {name}: {:.2} mm in frame {id}", model.name, depth * 1e3);

@@ -52,7 +52,7 @@ fn small_capture(gpu: &Gpu, folder: &Path) -> Capture {
 }
 
 fn settings() -> TrainSettings {
-    TrainSettings { iterations: 20, align: Align::Paper, uv_resolution: 40, ..Default::default() }
+    TrainSettings { iterations: 20, align: Align::Paper, uv_resolution: 40, lpips_weight: 0.0, ..Default::default() }
 }
 
 /// Trains, losing the device at iteration `lost_at`. Returns the run and the iterations that it reported.

@@ -14,6 +14,7 @@ use ghand_measure::baseline::Baseline;
 use ghand_measure::evaluation::evaluate;
 use ghand_render::{AdapterChoice, Gpu};
 use ghand_synthetic::{LightSetup, PlantedLight, SyntheticOptions};
+use ghand_test_support::cases;
 use ghand_train::{GlossChoice, LightChoice, TrainSettings, Trainer};
 use glam::{DQuat, DVec3};
 
@@ -57,7 +58,7 @@ fn albedo_error(found: &[[f64; 3]], truth: &[[f64; 3]]) -> f64 {
 fn a_planted_light_and_the_skin_under_it_are_found() {
     let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
     let (mut flat, _a) = capture(LightSetup::Flat);
-    for setup in [LightSetup::Key, LightSetup::Rim] {
+    for setup in [LightSetup::Key, LightSetup::Rim].into_iter().take(cases(1, 2)) {
         let (mut lit, _b) = capture(setup);
         let poses = align_in_place(&mut lit);
         flat.template = lit.template.clone();

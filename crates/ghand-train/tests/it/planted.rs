@@ -48,6 +48,7 @@ fn settings(components: Components) -> TrainSettings {
         color_components: 0,
         align: Align::Off,
         light: LightChoice::Off,
+        lpips_weight: 0.0,
         exposure: ExposureChoice::Off,
         color_roughness: 0.0,
         rate_joints: 0.0,

@@ -31,7 +31,7 @@ fn with_capture(test: impl FnOnce(&Gpu, &Capture)) {
 }
 
 fn settings() -> TrainSettings {
-    TrainSettings { iterations: 40, uv_resolution: 32, ..Default::default() }
+    TrainSettings { iterations: 40, uv_resolution: 32, lpips_weight: 0.0, ..Default::default() }
 }
 
 /// Runs until iteration `stop_at`, from the newest checkpoint of the folder on if there is one.
@@ -59,7 +59,9 @@ fn bytes(trained: &Trained) -> Vec<u8> {
 #[test]
 fn an_interrupted_run_ends_with_the_same_bytes() {
     with_capture(|gpu, capture| {
-        let lit = TrainSettings { light: LightChoice::Transfer, gloss: GlossChoice::Always, ..settings() };
+        let lpips_weight = TrainSettings::default().lpips_weight;
+        let lit =
+            TrainSettings { light: LightChoice::Transfer, gloss: GlossChoice::Always, lpips_weight, ..settings() };
         let stages = TrainSettings { align: Align::Paper, light: LightChoice::Off, ..settings() };
         let network = TrainSettings { model: Model::Network, iterations: 8, ..stages.clone() };
         // Of large networks the first steps overshoot: slow ones here.

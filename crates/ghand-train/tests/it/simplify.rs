@@ -15,6 +15,7 @@ fn settings() -> TrainSettings {
         uv_resolution: 64,
         align: Align::Off,
         light: LightChoice::Off,
+        lpips_weight: 0.0,
         ..TrainSettings::default()
     }
 }

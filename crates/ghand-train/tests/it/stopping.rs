@@ -26,7 +26,7 @@ fn with_capture(test: impl FnOnce(&Gpu, &Capture)) {
 }
 
 fn settings() -> TrainSettings {
-    TrainSettings { iterations: 40, align: Align::Paper, uv_resolution: 32, ..Default::default() }
+    TrainSettings { iterations: 40, align: Align::Paper, uv_resolution: 32, lpips_weight: 0.0, ..Default::default() }
 }
 
 fn train(gpu: &Gpu, capture: &Capture, settings: &TrainSettings) -> Result<Trained, TrainError> {

@@ -38,7 +38,7 @@ fn the_same_seed_gives_the_same_file_and_a_different_seed_a_different_one() {
     let gpu = gpu();
     let folder = tempfile::tempdir().unwrap();
     let capture = small_capture(&gpu, &folder.path().join("capture"));
-    let settings = TrainSettings { iterations: 30, uv_resolution: 48, ..TrainSettings::default() };
+    let settings = TrainSettings { iterations: 12, uv_resolution: 48, ..TrainSettings::default() };
     let bytes = |settings: &TrainSettings| {
         let path = folder.path().join("avatar.ghand");
         train(&gpu, &capture, settings).avatar.save(&path).unwrap();
