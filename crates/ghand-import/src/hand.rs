@@ -69,7 +69,8 @@ pub fn fit_hand(
         }
         _ => vec![],
     };
-    let options = FitOptions { guesses: &guesses, beside: places.beside, ..FitOptions::default() };
+    let options =
+        FitOptions { guesses: &guesses, times: &tracks[0].times, beside: places.beside, ..FitOptions::default() };
     let fitted = fit_hand_with(&frames, lenses, model, places.tip_inset, &options)?;
     if fitted.frames.iter().all(|frame| frame.pose.is_none()) {
         return Err(ImportError::Unusable(

@@ -99,6 +99,8 @@ pub struct FitOptions<'a> {
     /// Where a tracker guesses the landmarks of each frame in space: metres, world, at the hand's place; empty without any.
     /// Where one camera sees the hand, they tell how deep fingers lie.
     pub guesses: &'a [Option<[DVec3; LANDMARK_COUNT]>],
+    /// The times of the frames of a film, seconds, whose poses are then smooth; empty if frames do not follow each other.
+    pub times: &'a [f64],
     /// The likeliest focal length of each camera, if cameras are to be fitted, too: where they are relative to the
     /// first one, and their focal lengths. They start from what is given. Only proportions of lengths are told then.
     pub usual_focals: Option<&'a [UsualFocal]>,
@@ -169,7 +171,7 @@ pub fn fit_hand_with(
         .usual_focals
         .map(|focals| CameraFreedom { usual_focals: focals.to_vec(), focals_are_known: options.focals_are_known });
     let SeenHand { poses, shape, noise, distances, report, cameras } =
-        fit(&seen, &pinholes, freedom.as_ref(), tip_inset, options.beside, model)?;
+        fit(&seen, options.times, &pinholes, freedom.as_ref(), tip_inset, options.beside, model)?;
     let frames = poses.into_iter().zip(distances);
     let frames = frames.map(|(pose, residuals)| FittedImageFrame { pose, residuals }).collect();
     Ok(FittedHand { frames, shape, noise, report, cameras })

@@ -51,7 +51,7 @@ pub fn fit_hand_in_space(
             sightings: frame.points.iter().flatten().enumerate().filter_map(sighting).collect(),
         })
         .collect();
-    let SeenHand { poses, shape, report, .. } = fit(&seen, &[], None, tip_inset, &[], model)?;
+    let SeenHand { poses, shape, report, .. } = fit(&seen, &[], &[], None, tip_inset, &[], model)?;
     Ok(FittedSpaceHand { poses, shape, report })
 }
 

@@ -74,7 +74,7 @@ pub(super) fn settle_root(x: &mut [f64; UNKNOWNS]) {
 }
 
 /// The small rotation, applied after that of `v`, by which a change of the rotation vector turns.
-fn left_jacobian(v: DVec3) -> DMat3 {
+pub(super) fn left_jacobian(v: DVec3) -> DMat3 {
     let cross = DMat3::from_cols(v.cross(DVec3::X), v.cross(DVec3::Y), v.cross(DVec3::Z));
     let squared = v.length_squared();
     let (first, second) = if squared < 1e-6 {

@@ -14,7 +14,10 @@ pub(crate) mod camera_freedom;
 mod frame;
 pub(crate) mod proportions;
 pub(crate) mod sightings;
+mod smoothing;
 mod start;
+
+use std::borrow::Cow;
 
 use ghand_core::{Camera, Pose};
 use glam::DVec3;
@@ -24,6 +27,7 @@ use self::camera_freedom::{CameraFreedom, NUMBERS as CAMERA_NUMBERS};
 use self::frame::FrameFit;
 use self::proportions::Proportions;
 use self::sightings::{SeenFrame, SightingPosition};
+use self::smoothing::{FilmFrame, smooth};
 use self::start::{first_pose, scales_of, with_fingers_retried};
 use super::levenberg_marquardt::equations;
 use super::{BONES, COLD_STEPS, HandIk, LANDMARK_COUNT, UNKNOWNS, WARM_STEPS, median};
@@ -180,30 +184,56 @@ pub(crate) fn fit_person_and_cameras(
     PersonFit { parameters, noise, frames, cameras }
 }
 
-/// Poses of the model in the person's shape, without the bones' own lengths, near those of a fit. Landmarks at which the
-/// model has its joint elsewhere count less, by Student's distribution: they would pull all others with them.
-pub(crate) fn refitted(
+/// The poses of the model with a person's shape, without the bones' own lengths: it is put where the landmarks are,
+/// whatever its bones lack. Of a model without shapes, the bones' directions are right. `times` are those of a film's
+/// frames, seconds: its poses become smooth. Empty without a film.
+pub(crate) fn model_poses(
     proportions: &Proportions,
     fit: &PersonFit,
     seen: &[SeenFrame],
     cameras: &[Camera],
+    times: &[f64],
 ) -> Vec<Option<Pose>> {
-    let [person, hand] = [fit.parameters.clone(), proportions.without_bones(&fit.parameters)]
-        .map(|parameters| proportions.hand(&parameters));
-    let [theirs, own] = [&person, &hand].map(|hand| along_fingers(&proportions.lengths(hand)));
+    let person = proportions.hand(&fit.parameters);
+    let (hand, seen) = if proportions.has_shape() {
+        let hand = proportions.hand(&proportions.without_bones(&fit.parameters));
+        let seen = with_agreement(proportions, &person, &hand, seen);
+        (hand, Cow::Owned(seen))
+    } else {
+        (person, Cow::Borrowed(seen))
+    };
+    let mut numbers = vec![];
+    let mut film = vec![];
+    for (k, frame) in fit.frames.iter().enumerate() {
+        let Some(frame) = frame else { continue };
+        let problem = FrameFit { hand: &hand, seen: &seen[k], cameras, scales: &frame.scales, noise: fit.noise };
+        let (_, x) = problem.solve(hand.unknowns(&frame.pose), COLD_STEPS);
+        numbers.push(k);
+        film.push(FilmFrame::new(problem, times.get(k).copied().unwrap_or(0.0), x));
+    }
+    if !times.is_empty() {
+        smooth(&mut film);
+    }
+    let mut poses = vec![None; fit.frames.len()];
+    for (k, frame) in numbers.into_iter().zip(&film) {
+        poses[k] = Some(hand.pose(&frame.x));
+    }
+    poses
+}
+
+/// Landmarks at which the model has its joint elsewhere than the person count less, by Student's distribution: they would
+/// pull all others with them.
+fn with_agreement(proportions: &Proportions, person: &HandIk, model: &HandIk, seen: &[SeenFrame]) -> Vec<SeenFrame> {
+    let [theirs, own] = [person, model].map(|hand| along_fingers(&proportions.lengths(hand)));
     let agreement = |landmark: usize| {
         let place = landmark.checked_sub(1);
         let off = place.map_or(0.0, |place| (theirs[place] - own[place]) / PLACE_DEVIATION);
         PLACE_FREEDOM / (PLACE_FREEDOM + off * off)
     };
-    let pose = |(frame, seen): (&Option<FittedFrame>, &SeenFrame)| {
-        let frame = frame.as_ref()?;
-        let mut seen = seen.clone();
-        seen.sightings.iter_mut().for_each(|sighting| sighting.confidence *= agreement(sighting.landmark));
-        let problem = FrameFit { hand: &hand, seen: &seen, cameras, scales: &frame.scales, noise: fit.noise };
-        Some(hand.pose(&problem.solve(hand.unknowns(&frame.pose), COLD_STEPS).1))
-    };
-    fit.frames.iter().zip(seen).map(pose).collect()
+    let mut seen = seen.to_vec();
+    let sightings = seen.iter_mut().flat_map(|frame| &mut frame.sightings);
+    sightings.for_each(|sighting| sighting.confidence *= agreement(sighting.landmark));
+    seen
 }
 
 /// All frames, those that were not chosen from the ones before.

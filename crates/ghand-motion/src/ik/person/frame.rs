@@ -33,6 +33,28 @@ impl FrameFit<'_> {
         self.squares(x) + prior(self, x)
     }
 
+    /// The part of the cost that is the pose's, whatever was seen.
+    pub fn prior(&self, x: &[f64; UNKNOWNS]) -> f64 {
+        prior(self, x)
+    }
+
+    /// The part of the cost that is what was seen.
+    pub fn sighting_cost(&self, x: &[f64; UNKNOWNS]) -> f64 {
+        self.squares(x)
+    }
+
+    /// The same frame, in which nothing was seen.
+    pub fn without_sightings(self) -> Self {
+        static NOTHING: SeenFrame = SeenFrame { id: String::new(), sightings: vec![] };
+        FrameFit { seen: &NOTHING, ..self }
+    }
+
+    /// Angles that are out of their ranges are brought to their ends.
+    pub fn keep_in_range(&self, x: &mut [f64; UNKNOWNS]) {
+        let angles = &mut x[UNKNOWNS - self.hand.ranges.len()..];
+        angles.iter_mut().zip(&self.hand.ranges).for_each(|(value, range)| *value = value.clamp(range.low, range.high));
+    }
+
     /// How far each sighting is from the hand.
     pub fn gaps(&self, x: &[f64; UNKNOWNS]) -> Vec<Gap> {
         let places = self.hand.places(&self.hand.chain(x), x);

@@ -8,7 +8,7 @@ use super::landmark_report::{KeptFrame, LandmarkFit, SightingDistance, report};
 use crate::ik::person::camera_freedom::CameraFreedom;
 use crate::ik::person::proportions::Proportions;
 use crate::ik::person::sightings::{SeenFrame, Sighting, SightingPosition, WRONG};
-use crate::ik::person::{fit_person_and_cameras, refitted};
+use crate::ik::person::{fit_person_and_cameras, model_poses};
 use crate::image_landmarks::ImageFrame;
 use crate::pose_sequence::reading::recording::LandmarkFrame;
 use crate::pose_sequence::{PoseError, PoseFrame, PoseOptions, Skipped, Source, side_name};
@@ -124,9 +124,11 @@ pub(crate) struct SeenHand {
     pub cameras: Vec<Camera>,
 }
 
-/// Fits one hand to all frames, and the cameras if they are free.
+/// Fits one hand to all frames, and the cameras if they are free. `times` are those of a film's frames, seconds; empty
+/// without a film.
 pub(crate) fn fit(
     seen: &[SeenFrame],
+    times: &[f64],
     cameras: &[Camera],
     freedom: Option<&CameraFreedom>,
     tip_inset: f64,
@@ -149,13 +151,8 @@ pub(crate) fn fit(
     let proportions = Proportions::new(model, tip_inset, beside)?;
     let fit = fit_person_and_cameras(&proportions, &enough, cameras, freedom);
     let cameras = &fit.cameras;
-    // A model with the person's shape is put where the landmarks are, whatever its bones lack. Of one without shapes, the
-    // bones' directions are right.
-    let found: Vec<Option<Pose>> = if proportions.has_shape() {
-        refitted(&proportions, &fit, &enough, cameras)
-    } else {
-        fit.frames.iter().map(|frame| Some(frame.as_ref()?.pose.clone())).collect()
-    };
+    let times: Vec<f64> = numbers.iter().filter_map(|number| times.get(*number).copied()).collect();
+    let found = model_poses(&proportions, &fit, &enough, cameras, &times);
     let mut kept = vec![];
     let mut poses = vec![None; seen.len()];
     let mut distances = vec![vec![]; seen.len()];
@@ -187,7 +184,7 @@ fn fitted(
     model: &HandModel,
     warnings: &mut Vec<String>,
 ) -> Result<(Vec<PoseFrame>, LandmarkFit), PoseError> {
-    let SeenHand { poses, shape, report, .. } = fit(seen, cameras, None, tip_inset, &[], model)?;
+    let SeenHand { poses, shape, report, .. } = fit(seen, &[], cameras, None, tip_inset, &[], model)?;
     let mut skipped = Skipped::default();
     report.rejected.iter().for_each(|(id, problem)| skipped.add(id, problem.clone()));
     let frame = |(frame, pose): (&SeenFrame, Option<Pose>)| {
