@@ -1,6 +1,6 @@
 //! Cameras by a calibration board that their footage shows before or after the hand.
 
-use ghand_board::{BoardCalibration, BoardCamera, BoardFinder, BoardKind, Sight, calibrate};
+use ghand_board::{BoardCalibration, BoardCamera, BoardError, BoardFinder, BoardKind, Sight, calibrate};
 use ghand_capture::cameras::list::LensCamera;
 
 use crate::ImportError;
@@ -31,11 +31,20 @@ pub fn cameras_by_board(
     remarks: &mut Vec<String>,
 ) -> Result<(Vec<LensCamera>, Option<Vec<f64>>), ImportError> {
     let mut cameras = vec![];
+    let mut likeliest = vec![];
     for (k, source) in sources.iter().enumerate() {
-        let clock = if k == 0 { Some(0.0) } else { clocks::offset(&tracks[0], &tracks[k]).map(|clock| clock.seconds) };
+        let offsets = clocks::offsets(&tracks[0], &tracks[k]);
+        likeliest.push(offsets.first().map(|clock| clock.seconds));
+        // Gestures that are repeated do not tell the clock: the board's own movements may.
+        let clock = if k == 0 { Some(0.0) } else { likeliest[k].filter(|_| offsets.len() == 1) };
         cameras.push(search(source, kind, clock, &mut tracks[k], on_progress)?);
     }
-    let BoardCalibration { cameras: found, remarks: told } = calibrate(kind, &cameras)?;
+    let calibrated = calibrate(kind, &cameras).or_else(|error| {
+        let BoardError::UnknownClock { .. } = error else { return Err(error) };
+        cameras.iter_mut().zip(likeliest).skip(1).for_each(|(camera, clock)| camera.clock = clock);
+        calibrate(kind, &cameras)
+    });
+    let BoardCalibration { cameras: found, remarks: told } = calibrated?;
     remarks.extend(told);
     for camera in &found {
         remarks.push(format!(

@@ -42,6 +42,11 @@ const MOST_OFFSET: f64 = 60.0;
 const MOST_SAMPLES: usize = 4000;
 /// A movement that agrees by less than this (correlation) does not tell the time.
 const LEAST_AGREEMENT: f64 = 0.3;
+/// Gestures that are repeated agree at several differences: those that agree by this part of the best one's agreement, and
+/// are this far apart, seconds; so many at most.
+const NEARLY_AS_GOOD: f64 = 0.6;
+const APART: f64 = 0.4;
+const MOST_OFFSETS: usize = 8;
 
 /// A difference of clocks.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -58,9 +63,10 @@ struct Signal {
     samples: Vec<Option<[f64; NUMBERS]>>,
 }
 
-/// The clock of `other` relative to that of `first`; `None` if the hand moves too little or too differently to tell.
-pub fn offset(first: &Track, other: &Track) -> Option<ClockOffset> {
-    let (a, b) = (Signal::of(first)?, Signal::of(other)?);
+/// What the clock of `other` may be relative to that of `first`, the best agreement first: several where gestures are
+/// repeated, none if the hand moves too little or too differently to tell.
+pub fn offsets(first: &Track, other: &Track) -> Vec<ClockOffset> {
+    let (Some(a), Some(b)) = (Signal::of(first), Signal::of(other)) else { return vec![] };
     let least =
         ((LEAST_OVERLAP * RATE) as usize).max((LEAST_PART * a.samples.len().min(b.samples.len()) as f64) as usize);
     // Sample i of the first is sample i + lag of the other.
@@ -68,14 +74,28 @@ pub fn offset(first: &Track, other: &Track) -> Option<ClockOffset> {
     let same_time = ((a.start - b.start) * RATE) as i64;
     let lags = same_time - most..=same_time + most;
     let stride = a.samples.len().div_ceil(MOST_SAMPLES);
-    let agreements: Vec<(i64, f64)> =
+    let all: Vec<(i64, f64)> =
         lags.filter_map(|lag| Some((lag, agreement(&a, &b, lag, stride, least / stride)?))).collect();
-    let best = agreements.iter().max_by(|x, y| x.1.total_cmp(&y.1))?;
-    let near = |by: i64| agreements.iter().find(|(lag, _)| *lag == best.0 + by).map_or(best.1, |(_, value)| *value);
-    let curvature = near(-1) - 2.0 * best.1 + near(1);
-    let part = if curvature < 0.0 { (0.5 * (near(-1) - near(1)) / curvature).clamp(-0.5, 0.5) } else { 0.0 };
-    let seconds = b.start - a.start + (best.0 as f64 + part) / RATE;
-    (best.1 >= LEAST_AGREEMENT).then_some(ClockOffset { seconds, agreement: best.1 })
+    let mut order: Vec<usize> = (0..all.len()).filter(|k| all[*k].1 >= LEAST_AGREEMENT).collect();
+    order.sort_by(|x, y| all[*y].1.total_cmp(&all[*x].1));
+    let mut found: Vec<ClockOffset> = vec![];
+    for k in order {
+        let (lag, agreement) = all[k];
+        let near = |by: i64| all.iter().find(|(other, _)| *other == lag + by).map_or(agreement, |(_, value)| *value);
+        let is_peak = near(-1) <= agreement && near(1) <= agreement;
+        let of_lag = |part: f64| b.start - a.start + (lag as f64 + part) / RATE;
+        let is_far = found.iter().all(|other| (other.seconds - of_lag(0.0)).abs() >= APART);
+        if !is_peak || !is_far || found.first().is_some_and(|best| agreement < NEARLY_AS_GOOD * best.agreement) {
+            continue;
+        }
+        let curvature = near(-1) - 2.0 * agreement + near(1);
+        let part = if curvature < 0.0 { (0.5 * (near(-1) - near(1)) / curvature).clamp(-0.5, 0.5) } else { 0.0 };
+        found.push(ClockOffset { seconds: of_lag(part), agreement });
+        if found.len() == MOST_OFFSETS {
+            break;
+        }
+    }
+    found
 }
 
 impl Signal {

@@ -14,6 +14,8 @@ use crate::track::Track;
 
 /// Most moments that cameras are found from: more of them tell nothing new.
 const MOST_MOMENTS: usize = 150;
+/// And from which it is told which of several clocks is right.
+const MOMENTS_OF_A_CLOCK: usize = 60;
 /// Rounds of interpolating landmarks by the clocks and refining these.
 const ROUNDS: usize = 4;
 /// Clocks that change by less than this in a round are found, seconds.
@@ -53,8 +55,8 @@ pub struct Solved {
     pub noise: f64,
 }
 
-/// Finds what is not known. `focals` are the likeliest focal lengths, `lengths` those of the mean hand; `clocks`, if they are known, what to add to the first
-/// camera's time to have each one's, seconds.
+/// Finds what is not known. `focals` are the likeliest focal lengths, `lengths` those of the mean hand; `clocks`, if they
+/// are known, what to add to the first camera's time to have each one's, seconds.
 ///
 /// # Errors
 /// [`SolveError`] if cameras have too little in common.
@@ -66,55 +68,103 @@ pub fn solve(
     lengths: &[f64; BONES.len()],
     clocks: Option<&[f64]>,
 ) -> Result<Solved, SolveError> {
-    let given = clocks;
-    let mut clocks = vec![None];
-    clocks.extend(tracks.iter().skip(1).map(|track| clocks::offset(&tracks[0], track)));
-    let cameras = lenses.iter().map(|lens| lens.camera.clone()).collect();
-    let moved = || clocks.iter().map(|clock| clock.map_or(0.0, |clock| clock.seconds)).collect();
-    let offsets = given.map_or_else(moved, <[f64]>::to_vec);
-    let mut rig = Rig { cameras, size: 1.0, bones: [0.0; BONES.len()], offsets };
-    if tracks.len() < 2 {
-        return Ok(Solved { rig, clocks, noise: 0.0 });
-    }
-    let mut noise = 0.0;
-    for round in 0..ROUNDS {
-        let seen = common_moments(tracks, lenses, &rig.offsets);
-        for camera in 0..tracks.len() {
-            if seen.iter().filter(|moment| moment[camera].is_some()).count() < LEAST_MOMENTS {
-                return Err(SolveError::TooLittleInCommon(camera));
-            }
+    let footage = Footage { tracks, lenses, known, focals, lengths };
+    let mut found = vec![None];
+    found.extend((1..tracks.len()).map(|camera| {
+        let offsets = clocks::offsets(&tracks[0], &tracks[camera]);
+        if clocks.is_some() { offsets.first().copied() } else { footage.likeliest(camera, offsets) }
+    }));
+    let moved = || found.iter().map(|clock| clock.map_or(0.0, |clock| clock.seconds)).collect();
+    let offsets = clocks.map_or_else(moved, <[f64]>::to_vec);
+    let (rig, noise) = footage.solve(offsets, clocks.is_none(), ROUNDS, MOST_MOMENTS)?;
+    Ok(Solved { rig, clocks: found, noise })
+}
+
+/// What cameras saw, and what is known of them.
+#[derive(Clone, Copy)]
+struct Footage<'a> {
+    tracks: &'a [Track],
+    lenses: &'a [LensCamera],
+    known: Known,
+    focals: &'a [UsualFocal],
+    lengths: &'a [f64; BONES.len()],
+}
+
+impl Footage<'_> {
+    /// Which of several clocks a camera has: the one with which it and the first camera see one hand.
+    fn likeliest(&self, camera: usize, offsets: Vec<ClockOffset>) -> Option<ClockOffset> {
+        if offsets.len() < 2 {
+            return offsets.first().copied();
         }
-        if round == 0 {
-            if matches!(known, Known::Nothing | Known::Lenses) {
-                place_cameras(&mut rig.cameras, &seen).map_err(SolveError::TooLittleInCommon)?;
-            }
-            let size = seen_size(&rig, &seen, lengths);
-            match known {
-                // The unit of length is such that the hand is the mean hand.
-                Known::Nothing | Known::Lenses => rig.cameras.iter_mut().for_each(|camera| camera.translation /= size),
-                Known::All | Known::AllButTheUnit => rig.size = size,
-            }
-        }
-        let unknowns = Unknowns {
-            places: matches!(known, Known::Nothing | Known::Lenses),
-            focals: known == Known::Nothing,
-            clocks: given.is_none(),
-            size: matches!(known, Known::All | Known::AllButTheUnit),
+        let tracks = [0, camera].map(|k| self.tracks[k].clone());
+        let lenses = [0, camera].map(|k| self.lenses[k].clone());
+        let focals = [0, camera].map(|k| self.focals[k]);
+        let both = Footage { tracks: &tracks, lenses: &lenses, focals: &focals, ..*self };
+        let noise = |clock: &ClockOffset| {
+            let solved = both.solve(vec![0.0, clock.seconds], true, 1, MOMENTS_OF_A_CLOCK);
+            solved.map_or(f64::INFINITY, |(_, noise)| noise)
         };
-        let before = rig.offsets.clone();
-        (rig, noise) = refine(&rig, &seen, lengths, unknowns, focals);
-        if before.iter().zip(&rig.offsets).all(|(a, b)| (a - b).abs() < SMALL_OFFSET) {
-            break;
-        }
+        let noises: Vec<f64> = offsets.iter().map(noise).collect();
+        let best = (0..offsets.len()).min_by(|a, b| noises[*a].total_cmp(&noises[*b]))?;
+        Some(offsets[best])
     }
-    Ok(Solved { rig, clocks, noise })
+
+    /// The rig and the noise of landmarks, from clocks that are right or nearly so.
+    fn solve(
+        &self,
+        offsets: Vec<f64>,
+        clocks: bool,
+        rounds: usize,
+        most_moments: usize,
+    ) -> Result<(Rig, f64), SolveError> {
+        let Footage { tracks, lenses, known, focals, lengths } = *self;
+        let cameras = lenses.iter().map(|lens| lens.camera.clone()).collect();
+        let mut rig = Rig { cameras, size: 1.0, bones: [0.0; BONES.len()], offsets };
+        let mut noise = 0.0;
+        if tracks.len() < 2 {
+            return Ok((rig, noise));
+        }
+        for round in 0..rounds {
+            let seen = common_moments(tracks, lenses, &rig.offsets, most_moments);
+            for camera in 0..tracks.len() {
+                if seen.iter().filter(|moment| moment[camera].is_some()).count() < LEAST_MOMENTS {
+                    return Err(SolveError::TooLittleInCommon(camera));
+                }
+            }
+            if round == 0 {
+                if matches!(known, Known::Nothing | Known::Lenses) {
+                    place_cameras(&mut rig.cameras, &seen).map_err(SolveError::TooLittleInCommon)?;
+                }
+                let size = seen_size(&rig, &seen, lengths);
+                match known {
+                    // The unit of length is such that the hand is the mean hand.
+                    Known::Nothing | Known::Lenses => {
+                        rig.cameras.iter_mut().for_each(|camera| camera.translation /= size);
+                    }
+                    Known::All | Known::AllButTheUnit => rig.size = size,
+                }
+            }
+            let unknowns = Unknowns {
+                places: matches!(known, Known::Nothing | Known::Lenses),
+                focals: known == Known::Nothing,
+                clocks,
+                size: matches!(known, Known::All | Known::AllButTheUnit),
+            };
+            let before = rig.offsets.clone();
+            (rig, noise) = refine(&rig, &seen, lengths, unknowns, focals);
+            if before.iter().zip(&rig.offsets).all(|(a, b)| (a - b).abs() < SMALL_OFFSET) {
+                break;
+            }
+        }
+        Ok((rig, noise))
+    }
 }
 
 /// Moments that two cameras or more see, spread evenly over the footage.
-fn common_moments(tracks: &[Track], lenses: &[LensCamera], offsets: &[f64]) -> Vec<Moment> {
+fn common_moments(tracks: &[Track], lenses: &[LensCamera], offsets: &[f64], most: usize) -> Vec<Moment> {
     let all = moments(tracks, lenses, offsets, &tracks[0].times);
     let common: Vec<Moment> = all.into_iter().filter(|moment| moment.iter().flatten().count() >= 2).collect();
-    let count = common.len().min(MOST_MOMENTS);
+    let count = common.len().min(most);
     (0..count).map(|k| common[k * common.len() / count].clone()).collect()
 }
 

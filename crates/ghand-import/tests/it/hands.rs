@@ -22,22 +22,30 @@ pub struct Motion {
     ik: HandIk,
     fingers: PoseSequence,
     phase: f64,
+    /// After how many seconds fingers and wrist do the same again.
+    period: f64,
 }
 
 impl Motion {
     pub fn new(seed: u64) -> Motion {
+        Motion::repeated(seed, f64::INFINITY)
+    }
+
+    pub fn repeated(seed: u64, period: f64) -> Motion {
         let model = hand();
         let fingers = motions::motion("tour", &model, 30.0).unwrap().unwrap();
-        Motion { ik: HandIk::new(&RestSkeleton::of(&model).unwrap()), fingers, phase: seed as f64 }
+        Motion { ik: HandIk::new(&RestSkeleton::of(&model).unwrap()), fingers, phase: seed as f64, period }
     }
 
     /// Landmarks at a time, metres.
     pub fn at(&self, time: f64) -> [DVec3; LANDMARKS] {
-        let t = time + self.phase;
+        let place_time = time + self.phase;
+        let t = if self.period.is_finite() { place_time.rem_euclid(self.period) } else { place_time };
         // Never the same twice.
         let finger_time = (1.0 + 0.3 * (0.11 * t).sin()) * t + 0.9 * (0.83 * t).sin();
         let mut pose: Pose = self.fingers.pose_at(finger_time.rem_euclid(self.fingers.duration())).unwrap();
         pose.rotations[0] = DVec3::new(0.7 * (0.9 * t).sin(), 1.1 * (0.6 * t + 1.0).sin(), 0.8 * (0.75 * t).sin());
+        let t = place_time;
         pose.translation = 0.08 * DVec3::new((0.7 * t).sin(), (0.9 * t).cos(), 1.3 * (0.5 * t).sin());
         let mut points = self.ik.landmarks(&pose);
         for tip in (4..LANDMARKS).step_by(4) {

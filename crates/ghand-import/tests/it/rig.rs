@@ -8,6 +8,7 @@ use ghand_import::solve::{Known, solve};
 use ghand_import::track::Track;
 use ghand_import::uneven::solve_with_times;
 use ghand_motion::image_landmarks::{MEDIAPIPE_TIP_INSET, UsualFocal};
+use ghand_test_support::cases;
 use glam::{DMat3, DVec3};
 
 use crate::hands::{Motion, cameras, hand, lenses, track};
@@ -41,15 +42,37 @@ fn movements_tell_the_clocks_to_a_frame() {
     let cameras = cameras(4);
     let tracks = tracks(&cameras, &[30.0, 25.0], 0.003, 1);
     for k in 1..4 {
-        let found = clocks::offset(&tracks[0], &tracks[k]).unwrap();
+        let found = clocks::offsets(&tracks[0], &tracks[k])[0];
         assert!((found.seconds - OFFSETS[k]).abs() < 0.04, "{k}: {found:?}");
     }
     // The other footage shows another motion.
     let other = track(&Motion::new(40), &cameras[1], 30.0, 12.0, 0.0, 0.003, 9);
-    let wrong = clocks::offset(&tracks[0], &other).map_or(0.0, |found| found.agreement);
-    let right = clocks::offset(&tracks[0], &tracks[1]).unwrap().agreement;
+    let wrong = clocks::offsets(&tracks[0], &other).first().map_or(0.0, |found| found.agreement);
+    let right = clocks::offsets(&tracks[0], &tracks[1])[0].agreement;
     println!("agreement {right:.2}, of other motions {wrong:.2}");
     assert!(right > wrong + 0.2);
+}
+
+#[test]
+fn repeated_gestures_tell_the_clock_by_where_the_hand_is() {
+    let lengths = lengths_of(&hand(), MEDIAPIPE_TIP_INSET, &[]).unwrap();
+    let truth = cameras(2);
+    let unknown: Vec<Camera> =
+        (truth.iter()).map(|c| ghand_import::rig::start::unknown_camera(&c.id, c.width, c.height)).collect();
+    for seed in 1..=cases(1, 3) {
+        // Fingers and wrist do the same every 3.5 s, while the hand wanders.
+        let motion = Motion::repeated(seed, 3.5);
+        let noise = |k: usize| 10 * seed + k as u64;
+        let both: Vec<Track> =
+            (0..2).map(|k| track(&motion, &truth[k], 30.0, 14.0, OFFSETS[k], 0.003, noise(k))).collect();
+        let may_be = clocks::offsets(&both[0], &both[1]);
+        assert!(may_be.len() > 1, "{may_be:?}");
+        for (known, start) in [(Known::All, &truth), (Known::Nothing, &unknown)] {
+            let found = solve(&both, &lenses(start), known, &usual(start), &lengths, None).unwrap();
+            println!("{known:?}: {:.1} ms off", 1e3 * (found.rig.offsets[1] - OFFSETS[1]));
+            assert!((found.rig.offsets[1] - OFFSETS[1]).abs() < 0.02, "{may_be:?} {:?}", found.rig.offsets);
+        }
+    }
 }
 
 #[test]
