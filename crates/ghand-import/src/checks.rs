@@ -1,5 +1,6 @@
 //! What of footage cannot be used, or should be known.
 
+use ghand_core::statistics::median;
 use ghand_core::{Camera, Side};
 use glam::DVec3;
 
@@ -25,6 +26,9 @@ const LEAST_ANGLE: f64 = 0.05;
 /// Landmarks are at most so far off the hand, relative to its length; beyond the second bound they are not one hand's.
 const USUAL_ERROR: f64 = 0.03;
 const MOST_ERROR: f64 = 0.045;
+/// A camera whose landmarks are further off than this, and so many times as far as those of the others, sees something else.
+const ODD_ERROR: f64 = 0.09;
+const ODD_FACTOR: f64 = 3.0;
 
 /// Where cameras come from, for the causes and remedies of what is wrong with them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -210,6 +214,36 @@ pub fn check_fit(errors: &[f64], origin: Origin, remarks: &mut Vec<String>) -> R
     Err(ImportError::Unusable(format!("{off}: {cause}, or {same}; {remedy}")))
 }
 
+/// Whether no camera contradicts the others: `errors` are how far landmarks are off the hand, relative to its length, by camera.
+/// Of two, nobody can tell which one is wrong: [`check_fit`] names both.
+///
+/// # Errors
+/// If one does.
+pub fn check_cameras(ids: &[&str], errors: &[Option<f64>], origin: Origin) -> Result<(), ImportError> {
+    let of_others = |camera: usize| {
+        let others: Vec<f64> = (0..errors.len()).filter(|k| *k != camera).filter_map(|k| errors[k]).collect();
+        (others.len() > 1).then(|| median(others))
+    };
+    for (camera, id) in ids.iter().enumerate() {
+        let (Some(own), Some(others)) = (errors[camera], of_others(camera)) else { continue };
+        if own < ODD_ERROR || own < ODD_FACTOR * others {
+            continue;
+        }
+        let cause = match origin {
+            Origin::Hand => "it moved, or it shows another hand or another time",
+            Origin::Board => "it moved after it saw the board, or it shows another hand or another time",
+            Origin::Given => "its calibration is wrong, or it shows another hand or another time",
+        };
+        return Err(ImportError::Unusable(format!(
+            "{id}: its landmarks are off the hand that the other cameras see by {:.0} % of the hand's length (median), those \
+             of the others by {:.0} %: {cause}; mend that, or leave this camera out",
+            1e2 * own,
+            1e2 * others
+        )));
+    }
+    Ok(())
+}
+
 /// Why a hand is `length` metres long by cameras whose unit is the metre.
 pub fn wrong_size(length: f64, origin: Origin) -> ImportError {
     let cause = match origin {
@@ -280,4 +314,30 @@ pub fn check_choice(choice: &Choice, count: usize) -> Result<(), ImportError> {
 
 fn name_of(side: Side) -> &'static str {
     if side == Side::Right { "right" } else { "left" }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_camera_that_contradicts_the_others_is_named_with_its_cause() {
+        let ids = ["a", "b", "c"];
+        let check = |errors: &[Option<f64>], origin| check_cameras(&ids[..errors.len()], errors, origin);
+        for fine in [
+            &[Some(0.015), Some(0.02), Some(0.03)][..],
+            // All are bad alike, or one of two, or a camera saw nothing.
+            &[Some(0.1), Some(0.09), Some(0.12)],
+            &[Some(0.01), Some(0.4)],
+            &[Some(0.01), None, Some(0.02)],
+        ] {
+            assert!(check(fine, Origin::Given).is_ok(), "{fine:?}");
+        }
+        for (origin, cause) in
+            [(Origin::Given, "calibration"), (Origin::Hand, "another time"), (Origin::Board, "after it saw the board")]
+        {
+            let told = check(&[Some(0.02), Some(0.02), Some(0.4)], origin).unwrap_err().to_string();
+            assert!(told.starts_with("c: ") && told.contains("40 %") && told.contains(cause), "{told}");
+        }
+    }
 }

@@ -17,13 +17,14 @@ use crate::board::cameras_by_board;
 use crate::cameras::{GivenCameras, given_cameras};
 use crate::candidates::{candidates, image_at};
 use crate::checks::{
-    Origin, check_choice, check_fit, check_sides, check_still, check_tracks, clock_remarks, guessed_focal, side,
-    too_little_in_common, wrong_size,
+    Origin, check_cameras, check_choice, check_fit, check_sides, check_still, check_tracks, clock_remarks,
+    guessed_focal, side, too_little_in_common, wrong_size,
 };
 use crate::choice::{Candidate, Choice, choose};
 use crate::hand::{Hand, UnknownCameras, fit_hand, frame_id};
 use crate::landmarks::{GivenLandmarks, LandmarkPlaces, Tracked, track_all};
 use crate::progress::{OnProgress, Progress, Step};
+use crate::residuals::relative;
 use crate::rig::lengths::{BONES, hand_length, lengths_of};
 use crate::solve::{Known, SolveError, Solved};
 use crate::sources::{Source, open};
@@ -158,6 +159,8 @@ pub fn import(options: &ImportOptions, on_progress: &mut OnProgress) -> Result<I
     }
     let candidates = candidates(&tracks, &lenses, &solved.rig.offsets, &model, &hand)?;
     let frames: Vec<Candidate> = candidates.iter().map(|(_, candidate)| candidate.clone()).collect();
+    let ids: Vec<&str> = sources.iter().map(|source| source.id.as_str()).collect();
+    check_cameras(&ids, &relative(&hand.residuals, &candidates, &lenses, hand.fit.lengths[1]), origin)?;
     let errors: Vec<f64> = frames.iter().map(|frame| frame.error).collect();
     check_fit(&errors, origin, &mut remarks)?;
     if let Some(frame) = frames.get(frames.len() / 2) {
