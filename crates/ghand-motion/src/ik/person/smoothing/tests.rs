@@ -101,10 +101,9 @@ fn pictures_that_do_not_follow_each_other_stay_as_they_are() {
     let film = Film::new(4);
     // In no order of time.
     let mut frames = film.frames();
-    for k in 0..FRAMES {
-        let other = k * 37 % FRAMES;
-        let time = frames[k].time;
-        frames[k] = FilmFrame { time, ..film.frames()[other] };
+    let ordered = frames.clone();
+    for (k, frame) in frames.iter_mut().enumerate() {
+        *frame = FilmFrame { time: frame.time, ..ordered[k * 37 % FRAMES] };
     }
     let before: Vec<_> = frames.iter().map(|frame| frame.x).collect();
     let multiple = smooth(&mut frames).unwrap();
