@@ -23,8 +23,9 @@ const AGILITY: [f64; 2] = [10.0, 0.1];
 const MULTIPLES: [f64; 6] = [0.01, 0.1, 1.0, 10.0, 100.0, 1e4];
 /// Frames that are further apart than this, seconds, tell nothing of each other.
 const LONGEST_GAP: f64 = 0.2;
-/// Fewer frames than this in a row are left as they are.
+/// Fewer frames than this in a row are left as they are; of more than so many, the equations would take too much memory.
 const LEAST_FRAMES: usize = 5;
+const MOST_FRAMES: usize = 1000;
 /// Every so many frames one is left out to choose a multiple, of so many at most.
 const LEFT_OUT_EVERY: usize = 4;
 const MOST_TRIED: usize = 240;
@@ -64,6 +65,7 @@ impl<'a> FilmFrame<'a> {
 pub(crate) fn smooth(frames: &mut [FilmFrame]) -> Option<f64> {
     let mut runs: Vec<&mut [FilmFrame]> = frames
         .chunk_by_mut(|a, b| b.time > a.time && b.time - a.time <= LONGEST_GAP)
+        .flat_map(|run| run.chunks_mut(MOST_FRAMES))
         .filter(|run| run.len() >= LEAST_FRAMES)
         .collect();
     for run in &mut runs {
