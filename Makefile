@@ -41,7 +41,7 @@ test: setup ## Run all tests
 	bash scripts/skipped_tests.sh "$$GHAND_SKIPPED_TESTS"; \
 	exit $$status
 
-test-long: ## Run all tests, with many more cases
+test-long: ## Run all tests, the long ones too, with many more cases
 	@GHAND_LONG_TESTS=1 $(MAKE) test
 
 python-test: setup ## Build the Python package and run its tests

@@ -21,6 +21,7 @@ use ghand_hand_model::surface::sample_surface;
 use ghand_motion::motions::motion;
 use ghand_render::splat::Purpose;
 use ghand_render::{AdapterChoice, Gpu};
+use ghand_test_support::cases;
 use ghand_web::stage::{LightChoice, Stage};
 use glam::DMat3;
 use serde_json::{Value, json};
@@ -73,10 +74,16 @@ fn avatars() -> Vec<(&'static str, Vec<u8>)> {
     vec![("demo.ghand", demo), ("f32.ghand", baked(Precision::F32)), ("f16.ghand", baked(Precision::F16))]
 }
 
+/// Poses by name that are drawn, and moments of motions.
+fn counts() -> [usize; 2] {
+    [cases(5, POSE_NAMES.len()), cases(3, MOMENTS.len())]
+}
+
 /// What the page draws: the poses by name, then moments of motions.
 fn plan(avatars: &[(&str, Vec<u8>)]) -> Value {
-    let named = POSE_NAMES.iter().map(|name| json!({"name": name}));
-    let moments = MOMENTS.iter().map(|(motion, seconds)| json!({"motion": motion, "seconds": seconds}));
+    let [names, moments] = counts();
+    let named = POSE_NAMES.iter().take(names).map(|name| json!({"name": name}));
+    let moments = MOMENTS.iter().take(moments).map(|(motion, seconds)| json!({"motion": motion, "seconds": seconds}));
     let poses: Vec<Value> = named.chain(moments).collect();
     let lights: Vec<&str> = LIGHTS.iter().map(|(name, _)| *name).collect();
     avatars.iter().map(|(name, _)| json!({"avatar": name, "lights": lights, "poses": poses})).collect()
@@ -172,6 +179,7 @@ fn pictures_are_those_of_the_native_renderer() {
     }
     let pictures = &RUN.as_ref().unwrap().pictures;
     let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap();
+    let [names, moments] = counts();
     let mut compared = 0;
     for (k, (name, bytes)) in avatars().into_iter().enumerate() {
         let mut stage = Stage::default();
@@ -180,12 +188,12 @@ fn pictures_are_those_of_the_native_renderer() {
         let mut scene = Scene::new(&gpu, &[&avatar], Purpose::Images, 1, SIZE).unwrap();
         for (light, choice) in LIGHTS {
             stage.set_light(choice, TURN.to_radians()).unwrap();
-            for j in 0..POSE_NAMES.len() + MOMENTS.len() {
+            for j in 0..names + moments {
                 let hand = stage.hand_mut(0).unwrap();
-                let pose = match POSE_NAMES.get(j) {
-                    Some(pose) => hand.named(pose).unwrap(),
-                    None => {
-                        let (motion, seconds) = MOMENTS[j - POSE_NAMES.len()];
+                let pose = match j.checked_sub(names) {
+                    None => hand.named(POSE_NAMES[j]).unwrap(),
+                    Some(moment) => {
+                        let (motion, seconds) = MOMENTS[moment];
                         hand.motion(motion).unwrap().pose_at(seconds).unwrap()
                     }
                 };
@@ -201,7 +209,7 @@ fn pictures_are_those_of_the_native_renderer() {
             }
         }
     }
-    assert_eq!(compared, 120);
+    assert_eq!(compared, 6 * (names + moments));
 }
 
 #[test]

@@ -1,8 +1,8 @@
 //! What tests of several crates share: hands from a few lengths ([`procedural_hand`]), MANO files ([`mano_files`]), the
 //! inputs of the fuzz targets ([`fuzz_corpus`]), a measure of how deep a posed hand is inside itself
-//! ([`self_penetration`]), pictures as they were before ([`golden`]), how many random cases tests try ([`cases`]), and
-//! what tests are skipped without: files next to the checkout, in `../shared` ([`shared`]), ffmpeg ([`ffmpeg`]) and
-//! Chromium ([`browser`]).
+//! ([`self_penetration`]), pictures as they were before ([`golden`]), how many random cases tests try ([`cases`]), which
+//! tests are too long for `make test` ([`long`]), and what tests are skipped without: files next to the checkout, in
+//! `../shared` ([`shared`]), ffmpeg ([`ffmpeg`]) and Chromium ([`browser`]).
 //!
 //! Cargo hides the output of `println!` in passing tests. A skipped test therefore writes its line directly to standard
 //! error, and appends it to the file in `GHAND_SKIPPED_TESTS`, which `make test` summarises at its end.
@@ -24,12 +24,25 @@ pub const PREFIX: &str = "SKIPPED TEST:";
 /// The environment variable with the path of the file of skipped tests.
 pub const RECORD: &str = "GHAND_SKIPPED_TESTS";
 
-/// The environment variable that chooses the long counts of random cases.
+/// The environment variable that chooses the long counts of random cases, and the long tests.
 pub const LONG: &str = "GHAND_LONG_TESTS";
+
+/// What a test that is left out for its length needs.
+pub const LATER: &str = "make test-long";
 
 /// How many random cases a test tries: `long` with [`LONG`], else `usual`.
 pub fn cases<N>(usual: N, long: N) -> N {
     if std::env::var_os(LONG).is_some() { long } else { usual }
+}
+
+/// Whether long tests are run, as with [`LONG`]. If not, this function reports the test as left to `make test-long`, and
+/// the calling test must return.
+pub fn long() -> bool {
+    let is_chosen = std::env::var_os(LONG).is_some();
+    if !is_chosen {
+        skip(LATER, std::env::var_os(RECORD).as_deref().map(Path::new));
+    }
+    is_chosen
 }
 
 /// The file or folder of this name in `../shared`, if it exists. If not, this function reports the test as skipped, and

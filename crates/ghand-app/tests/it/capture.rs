@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use crate::common::{assert_one_sentence, assert_trained, listing, run, run_in};
+use ghand_test_support::long;
 
 const GHAND: &str = env!("CARGO_BIN_EXE_ghand");
 const TRAIN: &str = env!("CARGO_BIN_EXE_train");
@@ -51,6 +52,9 @@ fn a_capture_is_made_the_same_each_time_and_differs_by_identity() {
 
 #[test]
 fn harder_captures_differ_by_what_their_options_say() {
+    if !long() {
+        return;
+    }
     let folder = tempfile::tempdir().unwrap();
     make(folder.path(), "plain", &[]);
     make(folder.path(), "masks", &["--mask-noise", "1.5"]);

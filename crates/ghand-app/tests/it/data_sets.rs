@@ -7,6 +7,7 @@ use ghand_capture::capture::HandModelSource;
 use ghand_motion::{PoseOptions, read_poses};
 
 use crate::common::{RESULTS, assert_one_sentence, assert_trained, listing, run};
+use ghand_test_support::long;
 
 const TRAIN: &str = env!("CARGO_BIN_EXE_train");
 const SHORT: [&str; 4] = ["--set", "iterations=4", "--set", "uv_resolution=32"];
@@ -70,6 +71,9 @@ fn refined_poses_for_a_mano_model_are_read_back_unchanged() {
 
 #[test]
 fn training_starts_from_hand_appearance() {
+    if !long() {
+        return;
+    }
     let folder = folder_with_mano();
     crate::hand_appearance_files::write_subject(&folder.path().join("subject_1"), "metro_mano");
     let said = train(folder.path(), &["--capture", "subject_1", "--principal-point", "224,224"]);
@@ -78,6 +82,9 @@ fn training_starts_from_hand_appearance() {
 
 #[test]
 fn training_starts_from_a_rig_with_mano_poses() {
+    if !long() {
+        return;
+    }
     let folder = folder_with_mano();
     let root = folder.path().join("rig");
     let copied =

@@ -9,6 +9,7 @@ use ghand_synthetic::make_capture::make_capture;
 
 use crate::common::failing_driver::FailingDriver;
 use crate::common::{assert_trained, listing, save_avatar};
+use ghand_test_support::long;
 
 const GHAND: &str = env!("CARGO_BIN_EXE_ghand");
 const VIEWER: &str = env!("CARGO_BIN_EXE_viewer");
@@ -118,6 +119,9 @@ fn a_screenshot_is_made_on_a_new_device() {
 
 #[test]
 fn training_gives_the_same_avatar_or_an_error() {
+    if !long() {
+        return;
+    }
     let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap();
     let Some(driver) = FailingDriver::new(&gpu) else { return };
     let folder = tempfile::tempdir().unwrap();

@@ -10,7 +10,7 @@ use ghand_core::{Camera, Pose, Side};
 use ghand_hand_model::builtin::builtin_hand;
 use ghand_motion::RestSkeleton;
 use ghand_motion::ik::HandIk;
-use ghand_test_support::{ffmpeg, shared};
+use ghand_test_support::{cases, ffmpeg, long, shared};
 use glam::DVec3;
 use image::{Rgb, RgbImage};
 use serde_json::Value;
@@ -18,7 +18,9 @@ use serde_json::Value;
 use crate::common::{assert_one_sentence, run};
 
 /// Seconds of the films that are imported.
-const SECONDS: &str = "7";
+fn seconds() -> &'static str {
+    cases("4", "7")
+}
 
 fn make_video(arguments: &[&str], path: &Path) {
     let made = Command::new("ffmpeg").args(["-loglevel", "error", "-y"]).args(arguments).arg(path).output().unwrap();
@@ -41,7 +43,7 @@ fn films(folder: &Path) -> Option<[PathBuf; 2]> {
     let [Some(a), Some(b)] = films else { return None };
     let cut = |from: &Path, name: &str| {
         let path = folder.join(name);
-        make_video(&["-i", from.to_str().unwrap(), "-t", SECONDS, "-c", "copy"], &path);
+        make_video(&["-i", from.to_str().unwrap(), "-t", seconds(), "-c", "copy"], &path);
         path
     };
     Some([cut(&a, "cam0.mp4"), cut(&b, "cam1.mp4")])
@@ -88,6 +90,9 @@ fn two_films_and_their_calibration_become_a_capture() {
     assert_eq!([page.matches("data:image/png").count(), page.matches("<svg").count()], [2, 3]);
     assert_eq!(page.matches("<path class=\"residual\" d=\"M").count(), 2);
     assert_eq!(page.matches("<code>--").count(), 7, "an option for each decision");
+    if !cases(false, true) {
+        return;
+    }
     // What was tracked is kept: other options need no tracking.
     let kept = out.join("import/tracked-cam0.json");
     let before = fs::metadata(&kept).unwrap().modified().unwrap();
@@ -162,6 +167,16 @@ fn run_ghand(folder: &Path, arguments: &[&str]) -> String {
     said
 }
 
+/// Makes videos of two cameras.
+fn made_footage(folder: &Path, seconds: &str) {
+    let size = ["--size", "480x360", "--seconds", seconds];
+    run_ghand(folder, &[&["capture", "--footage", "--views", "2", "--out", "footage"][..], &size].concat());
+}
+
+fn truth(folder: &Path) -> Value {
+    serde_json::from_slice(&fs::read(folder.join("footage/truth.json")).unwrap()).unwrap()
+}
+
 #[test]
 fn made_footage_comes_back_with_its_truth() {
     if !ffmpeg() {
@@ -169,12 +184,11 @@ fn made_footage_comes_back_with_its_truth() {
     }
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
-    let footage = ["capture", "--footage", "--views", "2", "--seconds", "4", "--size", "480x360", "--out", "footage"];
-    run_ghand(folder.path(), &footage);
+    made_footage(folder.path(), "2");
     let cameras = ["--cameras", "footage/cameras.json"];
     run_ghand(folder.path(), &[&["import", "footage", "--out", "me", "--frames", "20"][..], &cameras].concat());
     let capture = Capture::open(&path("me")).unwrap();
-    let truth: Value = serde_json::from_slice(&fs::read(path("footage/truth.json")).unwrap()).unwrap();
+    let truth = truth(folder.path());
     // Landmarks in space, as far as the wrist, knuckles and joints are those of the tracker.
     let ik = HandIk::new(&RestSkeleton::of(&capture.template).unwrap());
     let mut off = vec![];
@@ -202,6 +216,17 @@ fn made_footage_comes_back_with_its_truth() {
     );
     assert!(off[off.len() / 2] < 0.012, "{}", off[off.len() / 2]);
     assert!((wrong as f64) < 0.08 * all as f64, "{wrong} of {all} pixels");
+}
+
+#[test]
+fn made_footage_without_calibration_tells_cameras_and_clocks_and_what_is_wrong_with_it() {
+    if !long() || !ffmpeg() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    made_footage(folder.path(), "4");
+    let truth = truth(folder.path());
     // The clocks, from what is said.
     let given = read_cameras(&path("footage/cameras.json")).unwrap();
     let given: Vec<Camera> = given.into_iter().map(|lens| lens.camera).collect();

@@ -5,16 +5,15 @@ use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 use crate::common::{assert_one_sentence, assert_trained, listing, run, run_in, small_capture};
+use ghand_test_support::cases;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 const TRAIN: &str = env!("CARGO_BIN_EXE_train");
 
 /// How often each run is killed; more with GHAND_KILLS.
-const KILLS: usize = 3;
-
 fn kills() -> usize {
-    std::env::var("GHAND_KILLS").ok().and_then(|text| text.parse().ok()).unwrap_or(KILLS)
+    std::env::var("GHAND_KILLS").ok().and_then(|text| text.parse().ok()).unwrap_or(cases(2, 4))
 }
 
 /// Options of a run that takes some seconds.

@@ -6,6 +6,7 @@ use std::process::{Child, Command, Output, Stdio};
 
 use crate::common::{RESULTS, assert_one_sentence, listing, run, small_capture};
 use ghand_avatar::Avatar;
+use ghand_test_support::long;
 
 const TRAIN: &str = env!("CARGO_BIN_EXE_train");
 /// Longer than any test needs to wait.
@@ -56,6 +57,9 @@ fn metrics(folder: &Path) -> serde_json::Value {
 
 #[test]
 fn runs_without_a_named_folder_keep_earlier_ones_and_share_the_demo_capture() {
+    if !long() {
+        return;
+    }
     let folder = tempfile::tempdir().unwrap();
     small_capture(&folder.path().join("out/demo-capture"));
     let demo = |more: &[&str]| {

@@ -4,6 +4,7 @@ use ghand_board::{BoardCamera, BoardFinder, BoardKind, calibrate};
 use rayon::prelude::*;
 
 use crate::scene::{Exposure, Filming, SIZE, cameras, compare, render};
+use ghand_test_support::long;
 
 const EXPOSURE: Exposure = Exposure { shutter: 0.008, noise: 3.0 };
 
@@ -27,6 +28,9 @@ fn searched(kind: &BoardKind, cameras: &[Filming], seconds: f64) -> Vec<BoardCam
 
 #[test]
 fn two_cameras_are_calibrated_from_noisy_blurred_images_of_lenses_that_distort() {
+    if !long() {
+        return;
+    }
     for text in ["charuco:8x6:30mm", "aprilgrid:6x5:28mm"] {
         check(&text.parse().unwrap());
     }

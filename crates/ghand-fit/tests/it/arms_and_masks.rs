@@ -7,6 +7,7 @@ use ghand_core::posing::pose_hand;
 use ghand_fit::alignment::{Alignment, align};
 use ghand_hand_model::surface::arm_end::ArmEnd;
 use ghand_synthetic::{Backdrop, Masks, SyntheticOptions};
+use ghand_test_support::long;
 use glam::DVec2;
 
 fn options(masks: Masks) -> SyntheticOptions {
@@ -48,6 +49,9 @@ fn overlaps(found: &Capture, truth: &Capture) -> [f64; 2] {
 
 #[test]
 fn an_arm_in_the_masks_costs_an_alignment_nothing_and_is_cut_off_after_it() {
+    if !long() {
+        return;
+    }
     let [(mut arm, _a), (hand, _b)] = [Masks::Arm, Masks::Hand].map(|masks| make(&options(masks)));
     let [with, without] = [&arm, &hand].map(aligned);
     let [e, f] = [errors_of(&arm, &with), errors_of(&hand, &without)];

@@ -8,7 +8,7 @@ use ghand_core::rotation::rotation_from_axis_angle;
 use ghand_fit::alignment::results::review::review;
 use ghand_fit::alignment::{Alignment, align};
 use ghand_synthetic::SyntheticOptions;
-use ghand_test_support::cases;
+use ghand_test_support::{cases, long};
 use glam::{DVec2, DVec3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -169,6 +169,9 @@ fn delay(capture: &Capture, split: &Split, camera: usize, frames: usize) {
 
 #[test]
 fn a_camera_of_other_moments_is_told_where_given_poses_are_far_off() {
+    if !long() {
+        return;
+    }
     let biased = SyntheticOptions { pose_bias_degrees: 6.0, ..options(4, 16, 5) };
     let noisy = SyntheticOptions { pose_noise_degrees: 12.0, ..options(5, 24, 6) };
     for (options, late) in [(biased, 2), (noisy, 3)].into_iter().take(cases(1, 2)) {
@@ -191,6 +194,9 @@ fn a_camera_of_other_moments_is_told_where_given_poses_are_far_off() {
 
 #[test]
 fn a_camera_that_was_moved_is_named() {
+    if !long() {
+        return;
+    }
     let (capture, _folder) = make(&options(4, 12, 8));
     let split = capture.split("train").unwrap().clone();
     let all = [(split.cameras[0], 0.06), (split.cameras[2], 0.15), (split.cameras[1], 0.3)];

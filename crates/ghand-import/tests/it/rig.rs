@@ -8,7 +8,7 @@ use ghand_import::solve::{Known, solve};
 use ghand_import::track::Track;
 use ghand_import::uneven::solve_with_times;
 use ghand_motion::image_landmarks::{MEDIAPIPE_TIP_INSET, UsualFocal};
-use ghand_test_support::cases;
+use ghand_test_support::{cases, long};
 use glam::{DMat3, DVec3};
 
 use crate::hands::{Motion, cameras, hand, lenses, track};
@@ -168,6 +168,9 @@ fn lateness(track: &Track, truth: &[f64], offset: f64) -> f64 {
 
 #[test]
 fn drift_and_lost_frames_are_found_and_corrected() {
+    if !long() {
+        return;
+    }
     let lengths = lengths_of(&hand(), MEDIAPIPE_TIP_INSET, &[]).unwrap();
     let truth = cameras(3);
     let motion = Motion::new(3);

@@ -13,6 +13,7 @@ use ghand_render::splat::Purpose;
 use ghand_render::{AdapterChoice, Gpu};
 use ghand_synthetic::make_capture::make_capture;
 use ghand_synthetic::{LightSetup, SyntheticOptions};
+use ghand_test_support::long;
 use ghand_train::{Align, TrainSettings, Trainer};
 use glam::{DVec2, DVec3};
 
@@ -62,6 +63,9 @@ fn parts_beyond(gpu: &Gpu, avatar: &Avatar, root: &Pose, known: &KnownColors) ->
 
 #[test]
 fn a_palm_that_no_image_showed_is_not_dark() {
+    if !long() {
+        return;
+    }
     let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
     let options = SyntheticOptions {
         identity: 13,

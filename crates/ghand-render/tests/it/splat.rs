@@ -25,7 +25,7 @@ fn large_translucent_gaussians_agree_with_the_twin() {
 #[test]
 fn every_kind_of_gaussian_agrees_with_the_twin() {
     let camera = camera(90, 53);
-    for (k, degree) in [0, 1, 2, 3].into_iter().enumerate() {
+    for (k, degree) in [0, 1, 2, 3].into_iter().enumerate().skip(cases(2, 0)) {
         let bases = (degree as usize + 1) * (degree as usize + 1);
         let scene = general_scene(20 + k as u64, 400, 0.005..0.03, bases);
         let trained = SplatModel::trained(degree);

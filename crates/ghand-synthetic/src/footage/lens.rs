@@ -96,7 +96,7 @@ mod tests {
     #[test]
     fn lenses_move_corners_by_one_to_three_percent_and_rays_are_their_inverse() {
         let mut rng = ChaCha8Rng::seed_from_u64(5);
-        for _ in 0..20 {
+        for _ in 0..ghand_test_support::cases(4, 20) {
             let lens = Lens::random([640, 480], &mut rng);
             let place = Camera::look_at(DVec3::new(0.5, -0.2, 0.3), DVec3::ZERO, DVec3::NEG_Y, 1.0, 640, 480);
             let camera = lens.at(&place, "a".into());

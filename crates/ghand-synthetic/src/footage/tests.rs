@@ -6,6 +6,7 @@ use ghand_capture::cameras::list::{LensCamera, read_cameras};
 use ghand_core::Camera;
 use ghand_core::rotation::rotation_from_axis_angle;
 use ghand_render::{AdapterChoice, Gpu};
+use ghand_test_support::long;
 use glam::{DVec2, DVec3};
 use serde_json::Value;
 
@@ -192,6 +193,9 @@ fn poses_of_the_truth_are_those_of_its_skeleton_and_a_moving_camera_has_a_place_
 
 #[test]
 fn cameras_and_clocks_of_made_footage_are_found_by_the_board_that_it_shows_first() {
+    if !long() {
+        return;
+    }
     let kind: BoardKind = "charuco:8x6:30mm".parse().unwrap();
     let board = Some(FilmedBoard { kind, seconds: 9.0 });
     let options = FootageOptions { board, seconds: 10.0, width: 640, height: 480, ..options() };

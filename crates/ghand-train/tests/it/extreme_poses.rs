@@ -9,6 +9,7 @@ use ghand_core::pose_response::pose_features;
 use ghand_render::{AdapterChoice, Gpu};
 use ghand_synthetic::SyntheticOptions;
 use ghand_synthetic::make_capture::make_capture;
+use ghand_test_support::long;
 use ghand_train::{TrainSettings, Trainer};
 use glam::DVec3;
 use rand::{RngExt, SeedableRng};
@@ -44,6 +45,9 @@ fn largest(values: &[f64]) -> f64 {
 
 #[test]
 fn extreme_poses_keep_offsets_and_colours_near_their_range_in_training() {
+    if !long() {
+        return;
+    }
     let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
     let folder = tempfile::tempdir().unwrap();
     let options = SyntheticOptions {

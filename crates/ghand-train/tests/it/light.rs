@@ -14,7 +14,7 @@ use ghand_measure::baseline::Baseline;
 use ghand_measure::evaluation::evaluate;
 use ghand_render::{AdapterChoice, Gpu};
 use ghand_synthetic::{LightSetup, PlantedLight, SyntheticOptions};
-use ghand_test_support::cases;
+use ghand_test_support::{cases, long};
 use ghand_train::{GlossChoice, LightChoice, TrainSettings, Trainer};
 use glam::{DQuat, DVec3};
 
@@ -78,6 +78,9 @@ fn a_planted_light_and_the_skin_under_it_are_found() {
 
 #[test]
 fn a_planted_lamp_near_the_hand_is_found() {
+    if !long() {
+        return;
+    }
     let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
     let (mut lit, _folder) = capture(LightSetup::Lamp);
     let poses = align_in_place(&mut lit);
@@ -92,6 +95,9 @@ fn a_planted_lamp_near_the_hand_is_found() {
 
 #[test]
 fn skin_without_light_on_it_needs_none() {
+    if !long() {
+        return;
+    }
     let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
     let (mut flat, _folder) = capture(LightSetup::Flat);
     let poses = align_in_place(&mut flat);

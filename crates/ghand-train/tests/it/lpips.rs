@@ -10,6 +10,7 @@ use ghand_measure::lpips::{Lpips, Pair, SMALLEST_SIDE};
 use ghand_render::{AdapterChoice, Gpu, buffers};
 use ghand_synthetic::SyntheticOptions;
 use ghand_synthetic::make_capture::make_capture;
+use ghand_test_support::long;
 use ghand_train::step::{Rates, Step, StepOutcome};
 use ghand_train::{TrainSettings, Trainer};
 
@@ -103,6 +104,9 @@ fn the_gradient_of_lpips_is_added_to_that_of_the_other_terms() {
 
 #[test]
 fn a_run_with_lpips_is_repeatable_and_a_weight_of_zero_is_a_run_without() {
+    if !long() {
+        return;
+    }
     let gpu = gpu();
     let folder = tempfile::tempdir().unwrap();
     let capture = small_capture(&gpu, &folder.path().join("capture"));

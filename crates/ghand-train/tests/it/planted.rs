@@ -12,6 +12,7 @@ use ghand_measure::evaluation::evaluate;
 use ghand_render::{AdapterChoice, Gpu};
 use ghand_synthetic::SyntheticOptions;
 use ghand_synthetic::make_capture::make_capture;
+use ghand_test_support::long;
 use ghand_train::settings::Components;
 use ghand_train::{Align, ExposureChoice, LightChoice, TrainSettings, Trained, Trainer};
 use rand::{RngExt, SeedableRng};
@@ -143,6 +144,9 @@ fn offsets(avatar: &Avatar, pose: &Pose) -> Vec<[f64; 3]> {
 
 #[test]
 fn where_plain_skinning_is_the_truth_the_residual_skeleton_gains_nothing() {
+    if !long() {
+        return;
+    }
     let planted = planted(|_| ());
     let (_, hgbs) = planted.train(&settings(Components::Hgbs));
     let (full, with) = planted.train(&settings(Components::Full));
@@ -155,6 +159,9 @@ fn where_plain_skinning_is_the_truth_the_residual_skeleton_gains_nothing() {
 
 #[test]
 fn where_the_surface_deforms_linearly_with_the_pose_the_bases_recover_it() {
+    if !long() {
+        return;
+    }
     let planted = planted(|avatar| {
         let n = avatar.template.len();
         let joints = avatar.template.joint_count();

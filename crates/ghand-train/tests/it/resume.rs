@@ -9,6 +9,7 @@ use ghand_capture::Capture;
 use ghand_render::{AdapterChoice, Gpu};
 use ghand_synthetic::SyntheticOptions;
 use ghand_synthetic::make_capture::make_capture;
+use ghand_test_support::long;
 use ghand_train::{
     Align, Checkpoints, GlossChoice, LightChoice, Model, Refine, TrainError, TrainSettings, Trained, Trainer,
 };
@@ -58,6 +59,9 @@ fn bytes(trained: &Trained) -> Vec<u8> {
 
 #[test]
 fn an_interrupted_run_ends_with_the_same_bytes() {
+    if !long() {
+        return;
+    }
     with_capture(|gpu, capture| {
         let lpips_weight = TrainSettings::default().lpips_weight;
         let lit =
@@ -134,6 +138,9 @@ fn a_run_of_limited_time_ends_in_time_with_its_rates_run_down() {
 
 #[test]
 fn an_avatar_that_is_shown_while_it_is_trained_ends_with_the_same_bytes() {
+    if !long() {
+        return;
+    }
     with_capture(|gpu, capture| {
         let stages = TrainSettings { align: Align::Paper, ..settings() };
         let network = TrainSettings { model: Model::Network, iterations: 6, ..stages.clone() };

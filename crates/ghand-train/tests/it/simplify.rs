@@ -6,6 +6,7 @@ use std::time::Duration;
 use crate::common::{make, small_options};
 use ghand_render::{AdapterChoice, Gpu};
 use ghand_synthetic::SyntheticOptions;
+use ghand_test_support::long;
 use ghand_train::{Align, Checkpoints, LightChoice, Simplify, TrainError, TrainSettings, Trainer};
 
 fn settings() -> TrainSettings {
@@ -22,6 +23,9 @@ fn settings() -> TrainSettings {
 
 #[test]
 fn what_frames_left_out_do_not_require_is_left_out() {
+    if !long() {
+        return;
+    }
     let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
     let (capture, folder) = make(&small_options(7));
     let settings = settings();

@@ -9,6 +9,7 @@ use ghand_fit::views::TrainViews;
 use ghand_render::{AdapterChoice, Gpu};
 use ghand_synthetic::SyntheticOptions;
 use ghand_synthetic::make_capture::{make_capture, make_capture_unless};
+use ghand_test_support::cases;
 use ghand_train::step::{Rates, Step, StepOutcome};
 use ghand_train::{Align, Model, TrainError, TrainSettings, Trained, Trainer};
 
@@ -132,7 +133,7 @@ fn runs_of_a_few_iterations_do_not_count_as_failed() {
         let paper = Align::Paper;
         let off = Align::Off;
         for (iterations, align) in [(1, paper), (2, paper), (4, paper), (4, off), (10, paper)] {
-            for seed in 1..=3 {
+            for seed in 1..=cases(1, 3) {
                 let trained = train(gpu, capture, &TrainSettings { iterations, align, seed, ..settings() });
                 assert!(trained.is_ok(), "{iterations} iterations: {}", trained.unwrap_err());
             }

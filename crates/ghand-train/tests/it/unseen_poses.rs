@@ -8,6 +8,7 @@ use ghand_measure::outline::bent_outline;
 use ghand_render::{AdapterChoice, Gpu};
 use ghand_synthetic::SyntheticOptions;
 use ghand_synthetic::make_capture::make_capture;
+use ghand_test_support::long;
 use ghand_train::{TrainSettings, Trainer};
 use glam::{DMat3, DVec3};
 
@@ -55,6 +56,9 @@ fn poor_capture(gpu: &Gpu, folder: &std::path::Path) -> Capture {
 
 #[test]
 fn fists_of_an_avatar_that_saw_few_open_hands_have_a_smooth_outline_and_nothing_loose() {
+    if !long() {
+        return;
+    }
     let gpu = device();
     let folder = tempfile::tempdir().unwrap();
     let capture = poor_capture(&gpu, folder.path());

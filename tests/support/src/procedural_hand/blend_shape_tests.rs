@@ -162,9 +162,9 @@ fn no_shape_of_two_units_flips_a_triangle() {
 #[test]
 fn regressed_joints_match_the_skeleton_and_follow_every_shape() {
     let lengths = ProceduralHand::default();
-    for lengths in
-        [ProceduralHand { detail: 1, ..lengths.clone() }, ProceduralHand { detail: 3, ..lengths.clone() }, lengths]
-    {
+    let details = [1, lengths.detail, 3];
+    for detail in &details[..crate::cases(2, 3)] {
+        let lengths = ProceduralHand { detail: *detail, ..lengths.clone() };
         let model = lengths.build().unwrap();
         let skeleton = skeleton::Skeleton::new(&lengths);
         for (built, laid_out) in model.joints.iter().zip(skeleton.joints()) {
