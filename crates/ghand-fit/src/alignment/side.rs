@@ -9,7 +9,8 @@ use ghand_core::{HandModel, InvalidHandModel, Pose};
 use glam::{DMat3, DVec3};
 use nalgebra::Matrix3;
 
-use super::{Fit, Images, STEPS, Shape};
+use super::results::rejection::is_match;
+use super::{Fit, Images, MaskFit, STEPS, Shape};
 
 /// Frames that are fitted, evenly over those with masks. A few in different poses decide: a flat hand is its own mirror
 /// image, a bent one is not.
@@ -24,7 +25,7 @@ const DECISIVE: f64 = 0.75;
 #[derive(Debug, Clone, Copy)]
 struct Remains {
     cost: f64,
-    overlap: f64,
+    fit: MaskFit,
 }
 
 /// Whether the mirror image of the template fits the masks decisively better than the template does.
@@ -54,7 +55,7 @@ pub(super) fn is_other_hand(
     let renamed: Vec<Pose> = given.iter().map(|pose| renamed(&other, template, pose)).collect();
     for poses in [refitted, renamed] {
         let found = remains(&other, poses.iter().collect(), &images)?;
-        if found.cost < DECISIVE * own.cost && found.overlap > own.overlap {
+        if found.cost < DECISIVE * own.cost && found.fit.overlap > own.fit.overlap && is_match(&found.fit) {
             return Ok(true);
         }
     }
@@ -70,8 +71,8 @@ fn remains(template: &HandModel, given: Vec<&Pose>, images: &[Images]) -> Result
     let contours: f64 = equations.iter().map(|frame| frame.cost).sum();
     let unusual = |(k, value): (usize, &f64)| 0.5 * (value / fit.proportions.deviation(k)).powi(2);
     let cost = contours + fit.shape.iter().enumerate().map(unusual).sum::<f64>();
-    let (found, _) = fit.fit_of(&fit.shaped()?.model, &fit.poses, images)?;
-    Ok(Remains { cost, overlap: found.overlap })
+    let (fit, _) = fit.fit_of(&fit.shaped()?.model, &fit.poses, images)?;
+    Ok(Remains { cost, fit })
 }
 
 /// The pose of the other hand whose joints are as near as a rigid motion brings them to those of the given one; its

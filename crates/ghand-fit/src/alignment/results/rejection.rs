@@ -87,6 +87,11 @@ const RIGS: f64 = 0.1;
 /// A bone is judged impossible beyond so many standard deviations of both.
 const MOST_DEVIATIONS: f64 = 4.5;
 
+/// Whether a fit could be that of a hand to its own masks.
+pub(crate) fn is_match(fit: &MaskFit) -> bool {
+    fit.contours[0] <= FARTHEST * fit.mask_size && fit.overlap >= LEAST_OVERLAP
+}
+
 /// Whether and why the aligned poses should not be used. `is_other_hand` says whether the mirrored template fits better.
 pub(crate) fn rejection(
     fit: [MaskFit; 2],
