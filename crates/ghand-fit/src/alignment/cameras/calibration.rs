@@ -60,7 +60,7 @@ const STEPS: [f64; 7] = [20.0, 12.0, 8.0, 5.0, 4.0, 3.0, 3.0];
 const FURTHER_STEPS: [f64; 4] = [5.0, 4.0, 3.0, 3.0];
 /// A refinement lowers what images left out lack in overlap by this part at least, and by so many standard errors.
 const LEAST_GAIN: f64 = 0.02;
-const STANDARD_ERRORS: f64 = 1.0;
+const STANDARD_ERRORS: f64 = 2.0;
 /// A camera is named if it is turned by this much, radians, and so many times as much as others.
 const MOVED: f64 = 1.0_f64.to_radians();
 const MOVED_MORE: f64 = 2.25;
