@@ -13,6 +13,7 @@ pub mod pose_offsets;
 mod priors;
 mod proportions;
 pub mod results;
+pub mod shape_fit;
 mod side;
 pub mod single_frames;
 mod spread;
@@ -186,12 +187,7 @@ pub fn align(
     let refined = calibration.as_ref().map(|calibration| calibration.applied_to(&capture.cameras));
     let cameras = refined.as_ref().unwrap_or(&capture.cameras);
     let images = images_of_frames(cameras, &all, &fields);
-    if fit.masks_end_with_template(&images)? {
-        fit.edges = Edges::of(&capture.template).with_arm_end();
-        for huber in LAST_STEPS {
-            fit.step(&images, huber, true)?;
-        }
-    }
+    fit.follow_mask_ends(&images)?;
     let refine = |fit: &Fit, usable: &[bool]| {
         let contrast = SplitContrast::load(capture, split)?;
         texture::refine(fit, &contrast.by_frame(cameras, &all), &images, usable, after_step)
@@ -285,10 +281,13 @@ fn images_of_frames<'a>(cameras: &'a [Camera], split: &Split, fields: &'a [Optio
 /// whether to go on.
 type AfterStep<'a> = dyn FnMut(usize, [f64; 2], &[Pose]) -> bool + 'a;
 
-/// Whether the template's shape is one of the unknowns.
+/// What of the template's shape is unknown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Shape {
     Known,
+    /// The model's own parameters.
+    OfModel,
+    /// These, and lengths and thicknesses of bones.
     Unknown,
 }
 
@@ -320,10 +319,15 @@ impl<'a> Fit<'a> {
         };
         let carries = (0..joints).map(|k| (0..joints).map(|j| is_above(k, j)).collect()).collect();
         let proportions = Proportions::new(template);
+        let parameters = match shape {
+            Shape::Known => 0,
+            Shape::OfModel => template.shape_count(),
+            Shape::Unknown => proportions.parameter_count(),
+        };
         Fit {
             edges: Edges::of(template),
             priors: Priors::new(template, &moving, given.len()),
-            shape: vec![0.0; if shape == Shape::Known { 0 } else { proportions.parameter_count() }],
+            shape: vec![0.0; parameters],
             poses,
             proportions,
             moving,
@@ -352,6 +356,17 @@ impl<'a> Fit<'a> {
             }
         }
         Ok(true)
+    }
+
+    /// Further steps in which the template's end counts, if the masks end there, too.
+    fn follow_mask_ends(&mut self, images: &[Images]) -> Result<(), InvalidHandModel> {
+        if self.masks_end_with_template(images)? {
+            self.edges = Edges::of(self.proportions.template()).with_arm_end();
+            for huber in LAST_STEPS {
+                self.step(images, huber, true)?;
+            }
+        }
+        Ok(())
     }
 
     /// The pose of a frame by its own images and what is known of poses, for a fixed shape, from `pose` on.

@@ -1,13 +1,12 @@
 //! The whole way from footage to a capture.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use ghand_board::BoardKind;
 use ghand_capture::Capture;
 use ghand_capture::cameras::list::LensCamera;
 use ghand_core::{Camera, Side};
-use ghand_fit::alignment::refine_rough_cameras;
 use ghand_hand_model::builtin::builtin_hand;
 use ghand_motion::LandmarkFit;
 use ghand_motion::image_landmarks::UsualFocal;
@@ -23,6 +22,7 @@ use crate::checks::{
 use crate::choice::{Candidate, Choice, choose};
 use crate::hand::{Hand, UnknownCameras, fit_hand, frame_id};
 use crate::landmarks::{GivenLandmarks, LandmarkPlaces, Tracked, track_all};
+use crate::outlines::{fit_outlines, refine_cameras};
 use crate::progress::{OnProgress, Progress, Step};
 use crate::residuals::relative;
 use crate::rig::lengths::{BONES, hand_length, lengths_of};
@@ -194,26 +194,37 @@ pub fn import(options: &ImportOptions, on_progress: &mut OnProgress) -> Result<I
     let mut capture = write_capture(&options.out, &lenses, &model, &hand.shape, &frames_in(&hand))?;
     if is_unknown {
         tell(on_progress, Step::Contours)?;
-        refine_by_contours(&options.out, &mut lenses, focals_are_known)?;
+        refine_cameras(&options.out, &mut lenses, focals_are_known)?;
         let rough = fit_hand(&tracks, &mut lenses, &solved.rig.offsets, &model, places, None)?;
         scale(&mut lenses, hand_length / rough.fit.lengths[1]);
         hand = fit_hand(&tracks, &mut lenses, &solved.rig.offsets, &model, places, None)?;
         capture = write_capture(&options.out, &lenses, &model, &hand.shape, &frames_in(&hand))?;
     }
-    let Hand { fit, residuals, .. } = hand;
-    Ok(Imported { capture, sources, tracked, tracks, known, solved, fit, candidates, choice, remarks, residuals })
-}
-
-/// Refines cameras by the hand's contours in the capture that was written.
-fn refine_by_contours(out: &Path, lenses: &mut [LensCamera], focals_are_known: bool) -> Result<(), ImportError> {
-    // As read again: with masks that are made.
-    let mut written = Capture::open(out)?;
-    written.skip_unusable_images(&["train"])?;
-    let refined = refine_rough_cameras(&written, written.split("train")?, focals_are_known)?;
-    for (lens, camera) in lenses.iter_mut().zip(refined) {
-        lens.camera = camera;
+    let mut length = hand.fit.lengths[1];
+    // One camera's outlines do not tell how far away the hand is: poses become no better by them.
+    if lenses.len() > 1 {
+        tell(on_progress, Step::Contours)?;
+        let mut outlined = fit_outlines(&options.out, &capture)?;
+        if let (true, Some(found)) = (is_unknown || known == Known::AllButTheUnit, outlined.length) {
+            // Landmarks lie inside the hand: its outlines tell its length better.
+            scale(&mut lenses, hand_length / found);
+            hand = fit_hand(&tracks, &mut lenses, &solved.rig.offsets, &model, places, None)?;
+            capture = write_capture(&options.out, &lenses, &model, &hand.shape, &frames_in(&hand))?;
+            outlined = fit_outlines(&options.out, &capture)?;
+        }
+        match &outlined.why_not {
+            Some(why) => remarks.push(format!("the poses are those of the landmarks: {why}")),
+            None => {
+                let mut frames = frames_in(&hand);
+                frames.iter_mut().zip(outlined.poses).for_each(|(frame, pose)| frame.pose = pose);
+                capture = write_capture(&options.out, &lenses, &model, &outlined.shape, &frames)?;
+            }
+        }
+        length = outlined.length.unwrap_or(hand.fit.lengths[1]);
     }
-    Ok(())
+    let Hand { mut fit, residuals, .. } = hand;
+    fit.lengths[1] = length;
+    Ok(Imported { capture, sources, tracked, tracks, known, solved, fit, candidates, choice, remarks, residuals })
 }
 
 /// Moves cameras to `factor` times their distances from the world's origin.

@@ -9,6 +9,7 @@
 //! 3. [`hand`]: one hand and all its poses.
 //! 4. [`choice`]: of the [`candidates`], frames that are sharp, sure and different; [`writing`] makes a capture of them, with the pixels of
 //!    other hands where these are near ([`apart`]).
+//! 5. [`outlines`]: the hand's shape and poses once more, by its outlines in these frames.
 
 pub mod apart;
 pub mod board;
@@ -22,6 +23,7 @@ pub mod hand;
 pub mod import;
 pub mod landmarks;
 pub mod moments;
+pub mod outlines;
 pub mod progress;
 pub mod residuals;
 pub mod rig;

@@ -13,7 +13,7 @@ pub enum Step {
     Poses,
     /// Writing the images of the chosen frames.
     Images,
-    /// Refining cameras by the hand's contours in them.
+    /// Refining hand and poses, and cameras that are not known, by the hand's outlines in them.
     Contours,
 }
 

@@ -135,7 +135,7 @@ fn with_progress(options: &ImportOptions) -> anyhow::Result<Imported> {
             Step::Board => format!("looking for the board in {}", progress.subject),
             Step::Cameras => "cameras and clocks".into(),
             Step::Poses => "the hand and its poses".into(),
-            Step::Contours => "cameras by the hand's outlines".into(),
+            Step::Contours => "the hand's outlines".into(),
             Step::Images => format!("writing images of {}", progress.subject),
         };
         let is_new = last.1.as_ref() != Some(&message);

@@ -62,18 +62,19 @@ impl<'a> Proportions<'a> {
         if parameter < self.model.shape_count() { SHAPE_DEVIATION } else { BONE_DEVIATION }
     }
 
-    /// The template in a shape.
+    /// The template in a shape; without parameters of the bones, they are as the model's own leave them.
     ///
     /// # Errors
     /// [`InvalidHandModel`] if a parameter is not finite.
     pub fn shaped(&self, parameters: &[f64]) -> Result<Shaped, InvalidHandModel> {
         let (own, bones) = parameters.split_at(self.model.shape_count());
+        let bone = |parameter: usize| bones.get(parameter).map_or(1.0, |logarithm| logarithm.exp());
         let model = self.model;
         let hand = shape_hand(model, own)?;
         // How each bone stretches: by its length along it, by its thickness across.
         let stretch: Vec<DMat3> = (0..model.joint_count())
             .map(|k| {
-                let [length, thickness] = [bones[2 * k].exp(), bones[2 * k + 1].exp()];
+                let [length, thickness] = [bone(2 * k), bone(2 * k + 1)];
                 match self.bones[k] {
                     Some(along) => DMat3::from_diagonal(DVec3::splat(thickness)) + outer(along) * (length - thickness),
                     None => DMat3::from_diagonal(DVec3::splat(length)),

@@ -99,7 +99,7 @@ pub(super) fn refine(
     usable: &[bool],
     after_step: &mut dyn FnMut(&str, &[Pose]) -> bool,
 ) -> Result<(Vec<Pose>, TextureRefinement), AlignmentError> {
-    let shaped = Shaped { model: fit.proportions.shaped(&fit.shape)?.model, d_vertices: vec![], d_joints: vec![] };
+    let shaped = Shaped::fixed(&fit.shaped()?.model);
     let points = surface_points(&shaped.model);
     let frames: Vec<usize> = (0..images.len()).filter(|frame| usable[*frame] && !images[*frame].is_empty()).collect();
     let refiner = Refiner { fit, shaped: &shaped, points: &points, images, masks };

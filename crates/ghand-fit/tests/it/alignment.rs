@@ -1,10 +1,11 @@
 //! Alignment of captures with known truth.
 
-use crate::common::{make, poses, small_options};
+use crate::common::{errors, make, poses, small_options};
 use ghand_capture::Capture;
 use ghand_core::Pose;
 use ghand_core::pose_error::{moving_joints, pose_error_degrees};
 use ghand_core::rotation::{axis_angle_from_rotation, rotation_from_axis_angle};
+use ghand_fit::alignment::shape_fit::fit_shape;
 use ghand_fit::alignment::single_frames::{SingleFrame, align_single_frames};
 use ghand_fit::alignment::{AlignmentError, align};
 use glam::DVec3;
@@ -167,4 +168,24 @@ fn figures_of_a_capture() {
             aligned.uncertainty[*k].to_degrees()
         );
     }
+}
+
+#[test]
+fn a_models_own_shape_and_poses_follow_the_outlines_from_a_hand_of_another_size() {
+    let (capture, _folder) = make(&small_options(7));
+    let split = capture.split("train").unwrap().clone();
+    let [given, truth] = poses(&capture, &split);
+    let sizes = [0.0, -0.6].map(|size| {
+        let mut capture = capture.clone();
+        capture.take_shape(&[size]).unwrap();
+        let found = fit_shape(&capture, &[&split]).unwrap();
+        assert_eq!(found.rejection, None);
+        let found_poses: Vec<Pose> = split.frames.iter().map(|frame| found.poses[*frame].clone()).collect();
+        let [before, after] = [&given, &found_poses].map(|poses| errors(poses, &truth));
+        println!("from {size}: size {:.2}, {before:.2?} to {after:.2?}", size + found.shape[0]);
+        assert!(after[0] < 0.8 * before[0] && after[1] < 0.8 * before[1], "{before:?} {after:?}");
+        assert_eq!(found.shape.len(), capture.hand_model.shape_count());
+        size + found.shape[0]
+    });
+    assert!((sizes[0] - sizes[1]).abs() < 0.2, "{sizes:?}");
 }
