@@ -46,6 +46,8 @@ pub fn fit_hand(
         lenses.iter().map(|lens| LensCamera { camera: lens.camera.clone(), distortion: None }).collect();
     let seen = moments(tracks, &plain, offsets, &tracks[0].times);
     let frames: Vec<ImageFrame> = seen.iter().enumerate().map(|(k, moment)| image_frame(k, moment, lenses)).collect();
+    // With cameras that outlines are still to move, smooth poses would only agree better with these.
+    let times = if unknown.is_some() { &[] } else { &tracks[0].times[..] };
     if let Some(unknown) = unknown {
         let options = FitOptions {
             usual_focals: Some(&unknown.usual_focals),
@@ -69,8 +71,7 @@ pub fn fit_hand(
         }
         _ => vec![],
     };
-    let options =
-        FitOptions { guesses: &guesses, times: &tracks[0].times, beside: places.beside, ..FitOptions::default() };
+    let options = FitOptions { guesses: &guesses, times, beside: places.beside, ..FitOptions::default() };
     let fitted = fit_hand_with(&frames, lenses, model, places.tip_inset, &options)?;
     if fitted.frames.iter().all(|frame| frame.pose.is_none()) {
         return Err(ImportError::Unusable(

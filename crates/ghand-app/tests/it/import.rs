@@ -19,7 +19,7 @@ use crate::common::{assert_one_sentence, run};
 
 /// Seconds of the films that are imported.
 fn seconds() -> &'static str {
-    cases("4", "7")
+    cases("5", "7")
 }
 
 fn make_video(arguments: &[&str], path: &Path) {
