@@ -28,7 +28,7 @@ pub const RECORD: &str = "GHAND_SKIPPED_TESTS";
 pub const LONG: &str = "GHAND_LONG_TESTS";
 
 /// What a test that is left out for its length needs.
-pub const LATER: &str = "make test-long";
+const LATER: &str = "make test-long";
 
 /// How many random cases a test tries: `long` with [`LONG`], else `usual`.
 pub fn cases<N>(usual: N, long: N) -> N {

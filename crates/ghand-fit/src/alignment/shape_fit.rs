@@ -24,9 +24,9 @@ pub struct ShapeFit {
     pub rejection: Option<Rejection>,
 }
 
-/// Fits the shape parameters of a capture's hand model, and the poses of the frames of some splits. Unlike [`align`](super::align), it
-/// keeps bones in the proportions that the model has for them, and cameras as they are. It takes images of several cameras: to
-/// one, a larger hand that is farther away looks the same.
+/// Fits the shape parameters of a capture's hand model, and the poses of the frames of some splits. Unlike
+/// [`align`](super::align), it keeps bones in the proportions that the model has for them, and cameras as they are. It takes
+/// images of several cameras: to one, a larger hand that is farther away looks the same.
 ///
 /// # Errors
 /// [`AlignmentError`] if an image or a pose is unusable.

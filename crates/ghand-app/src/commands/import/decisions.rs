@@ -110,7 +110,9 @@ fn poses(imported: &Imported) -> Decision {
     } else {
         let middle = median(fit.frames.iter().map(|frame| frame.distances.median));
         let part = 1e2 * refused as f64 / (posed + refused) as f64;
-        format!("landmarks are {middle:.1} px off the fitted hand (median); {part:.1} % of the frames are refused")
+        format!(
+            "landmarks are {middle:.1} px off the hand fitted to them (median); {part:.1} % of the frames are refused"
+        )
     };
     Decision::new("poses", format!("in {posed} of {} frames", posed + refused), grounds, "--landmarks")
 }
