@@ -11,8 +11,10 @@ import ghand
 import numpy as np
 from numpy.typing import NDArray
 
-# gsplat's: the blur of a pixel, px^2; the least and the largest opacity of a splat in a pixel.
-BLUR, LEAST, LARGEST = 0.3, 1 / 255, 0.999
+# The blur of a pixel, px^2: without antialiasing and with it, as in Mip-Splatting.
+BLURS = 0.3, 0.1
+# gsplat's: the least and the largest opacity of a splat in a pixel.
+LEAST, LARGEST = 1 / 255, 0.999
 
 
 def with_gsplat(splats: dict[str, NDArray[np.float32]], camera: ghand.Camera, antialiased: bool) -> NDArray[np.float64]:
@@ -31,6 +33,7 @@ def with_gsplat(splats: dict[str, NDArray[np.float32]], camera: ghand.Camera, an
         width=camera.width,
         height=camera.height,
         rasterize_mode="antialiased" if antialiased else "classic",
+        eps2d=BLURS[antialiased],
     )
     return picture[0].detach().cpu().double().numpy()
 
@@ -54,7 +57,7 @@ def with_numpy(splats: dict[str, NDArray[np.float32]], camera: ghand.Camera, ant
     jacobian[:, 0, 2], jacobian[:, 1, 2] = -fx * px / pz**2, -fy * py / pz**2
     shape = jacobian @ axes
     sharp = shape @ shape.transpose(0, 2, 1)
-    blurred = sharp + BLUR * np.eye(2)
+    blurred = sharp + BLURS[antialiased] * np.eye(2)
     opacities = splats["opacities"].astype(np.float64)
     if antialiased:
         opacities *= np.sqrt(np.clip(np.linalg.det(sharp) / np.linalg.det(blurred), 0, None))

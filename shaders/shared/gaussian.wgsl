@@ -1,7 +1,7 @@
 // A Gaussian's row of numbers, for every kind of Gaussian, and its footprint on the image. Used forward and backward,
 // so that both compute the same bits.
 
-import package::shared::camera::{BLUR, view};
+import package::shared::camera::{ANTIALIASED_BLUR, BLUR, view};
 
 // The kind of the scene, see `ghand_render::splat::SplatModel`.
 override ANISOTROPIC: bool = false;
@@ -113,7 +113,7 @@ fn flattened(v: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
     return v - (1.0 - FLATNESS) * dot(v, normal) * normal;
 }
 
-// What both directions of a Gaussian's projection need. The covariance in the image is T T^T + BLUR with the rows of T
+// What both directions of a Gaussian's projection need. The covariance in the image is T T^T + blur with the rows of T
 // = J W A S: kept as T to avoid cancellation when a Gaussian is long and thin.
 struct Footprint {
     // Slopes x/z and y/z, clamped.
@@ -156,8 +156,9 @@ fn footprint(g: Gaussian, p: vec3<f32>) -> Footprint {
     let xx = dot(foot.row_x, foot.row_x);
     let yy = dot(foot.row_y, foot.row_y);
     foot.area = length(cross(foot.row_x, foot.row_y));
-    foot.covariance = vec3(xx + BLUR, dot(foot.row_x, foot.row_y), yy + BLUR);
-    foot.determinant = foot.area * foot.area + BLUR * (xx + yy) + BLUR * BLUR;
+    let blur = select(BLUR, ANTIALIASED_BLUR, ANTIALIAS);
+    foot.covariance = vec3(xx + blur, dot(foot.row_x, foot.row_y), yy + blur);
+    foot.determinant = foot.area * foot.area + blur * (xx + yy) + blur * blur;
     return foot;
 }
 

@@ -13,9 +13,10 @@ pub mod spherical_harmonics;
 mod wireframe;
 
 /// Numbers that the shaders and their twins both have: stage, name in the WGSL, value here. A test compares them.
-pub fn shared_constants() -> [(&'static str, &'static str, f64); 9] {
+pub fn shared_constants() -> [(&'static str, &'static str, f64); 10] {
     [
         ("project", "BLUR", project::BLUR),
+        ("project", "ANTIALIASED_BLUR", project::ANTIALIASED_BLUR),
         ("project", "ALPHA_MIN", project::ALPHA_MIN),
         ("rasterize", "ALPHA_MAX", rasterize::ALPHA_MAX),
         ("rasterize", "TRANSMITTANCE_MIN", rasterize::TRANSMITTANCE_MIN),

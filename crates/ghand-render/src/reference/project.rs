@@ -6,8 +6,10 @@ use glam::{DMat2, DMat3, DVec2, DVec3, DVec4};
 use super::spherical_harmonics::{basis, basis_gradient};
 use crate::splat::NEAR;
 
-/// Blur added to projected covariances, pixels^2.
+/// Blur added to projected covariances, pixels^2: as 3D Gaussian Splatting has it, and with antialiasing as Mip-Splatting
+/// has it.
 pub(super) const BLUR: f64 = 0.3;
+pub(super) const ANTIALIASED_BLUR: f64 = 0.1;
 /// Splats below this alpha are invisible.
 pub(super) const ALPHA_MIN: f64 = 1.0 / 255.0;
 
@@ -137,7 +139,8 @@ fn footprint(g: &Gaussian, camera: &Camera, antialias: bool) -> Footprint {
     let sigma = half * half.transpose();
     let entry = |i: usize, j: usize| jacobian[i].dot(sigma * jacobian[j]);
     let sharp = DMat2::from_cols_array(&[entry(0, 0), entry(0, 1), entry(0, 1), entry(1, 1)]);
-    let covariance = sharp + DMat2::from_diagonal(DVec2::splat(BLUR));
+    let blur = if antialias { ANTIALIASED_BLUR } else { BLUR };
+    let covariance = sharp + DMat2::from_diagonal(DVec2::splat(blur));
     let compensation = if antialias { (sharp.determinant().max(0.0) / covariance.determinant()).sqrt() } else { 1.0 };
     let free = [raw.x == slope.x, raw.y == slope.y];
     Footprint { p, axes, jacobian, slope, free, sharp, covariance, compensation }
