@@ -13,7 +13,7 @@ use crate::texels::frames::{TexelFrames, TexelImage};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ExposureChoice {
-    /// Corrected if cameras agree better with it in frames left out: [`crate::exposure`].
+    /// Corrected if, in frames left out, cameras agree better with it, and both light and gloss explain more: [`crate::exposure`].
     #[default]
     Auto,
     /// Each camera's images are corrected.
@@ -30,8 +30,9 @@ const RIDGE: f64 = 2e-3;
 const LARGE: f64 = 0.06;
 /// Every this many frames, one is held out.
 const HOLD_OUT: usize = 3;
-/// Maps must reduce how much cameras disagree in frames left out to less than this fraction.
-const WORTHWHILE: f64 = 0.9;
+/// Maps must reduce how much cameras disagree in frames left out to less than this fraction, and what light and gloss leave
+/// unexplained, too: shine also differs from camera to camera.
+pub const WORTHWHILE: f64 = 0.9;
 
 /// What was found of the cameras' exposures.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -43,6 +44,9 @@ pub struct ExposureFit {
     /// Mean squared difference of a texel in one camera from its mean over the frame's others, display values, in frames
     /// left out of the fit: without and with maps.
     pub squared_difference_left_out: [f64; 2],
+    /// What light and gloss leave unexplained in such frames, without and with maps; `None` if that was not asked.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub unexplained: Option<[f64; 2]>,
     /// The maps, by the camera's index.
     #[serde(skip)]
     pub maps: BTreeMap<usize, ColorMap>,
@@ -66,7 +70,7 @@ pub fn fit_exposure(seen: &TexelFrames, choice: ExposureChoice) -> ExposureFit {
     let factors: Vec<f64> = maps.values().map(|map| mapped(map, [0.5; 3]).iter().sum::<f64>() / 1.5).collect();
     let mean = factors.iter().sum::<f64>() / factors.len().max(1) as f64;
     let variance = factors.iter().map(|f| (f - mean).powi(2)).sum::<f64>() / factors.len().max(1) as f64;
-    ExposureFit { corrected, spread: variance.sqrt(), squared_difference_left_out, maps }
+    ExposureFit { corrected, spread: variance.sqrt(), squared_difference_left_out, unexplained: None, maps }
 }
 
 /// Each texel that several images of a frame show, in each of them: the camera, its colour there, the mean colour of the

@@ -1,5 +1,6 @@
 //! A training run: two stages over the views of a split.
 
+mod light;
 mod preview_sink;
 mod refinement;
 mod run;
@@ -15,7 +16,7 @@ use std::time::{Duration, Instant};
 use ghand_avatar::{Avatar, AvatarLight, Provenance};
 use ghand_capture::images::color_correction::ColorMap;
 use ghand_capture::mask::AlignedHand;
-use ghand_capture::{Capture, ColorCorrection, Split, SplitView};
+use ghand_capture::{Capture, Split, SplitView};
 use ghand_core::pose_offsets::TrackerOffsets;
 use ghand_core::statistics::median;
 use ghand_core::{Camera, HandModel, Pose};
@@ -27,16 +28,15 @@ use glam::DVec3;
 use crate::checkpoint::{Checkpoint, CheckpointError, CurvePoint, Prepared};
 use crate::checkpoints::Checkpoints;
 use crate::memory_check;
-use crate::settings::{Align, ExposureChoice, LightChoice, Model, Simplify, TrainSettings};
+use crate::settings::{Align, Model, Simplify, TrainSettings};
 use crate::train_error::TrainError;
 use crate::visible_gaussians::visible_gaussians;
 use ghand_fit::alignment::pose_offsets::tracker_offsets;
 use ghand_fit::alignment::synthesis::SynthesisRefinement;
 use ghand_fit::alignment::{Alignment, AlignmentError, align};
-use ghand_fit::exposure::{ExposureFit, fit_exposure};
-use ghand_fit::light_fit::{LightFit, fit_light_to};
+use ghand_fit::exposure::ExposureFit;
+use ghand_fit::light_fit::LightFit;
 use ghand_fit::texels::colors::texel_colors;
-use ghand_fit::texels::frames::TexelFrames;
 use ghand_fit::texels::required::required_texels;
 use ghand_fit::views::TrainViews;
 use ghand_measure::lpips::Lpips;
@@ -194,11 +194,6 @@ const CROP_MARGIN: u32 = 16;
 
 /// Number of views from which the initial texel colours are computed.
 const COLOR_VIEWS: usize = 60;
-
-/// A larger part of the hand's pixels that is burnt out or black is reported.
-const MOST_EXTREME: f64 = 0.1;
-/// Frames whose brightness differs by more than this (standard deviation of the logarithm) are reported.
-const UNSTEADY: f64 = 0.06;
 
 impl<'a> Trainer<'a> {
     /// Loads the views of a split.
@@ -519,53 +514,6 @@ impl Problem {
         let watched = self.watched.as_ref().map_or([1; 2], |watched| watched.views.largest(1));
         let largest = self.views.largest(1);
         least_reduction([0, 1].map(|axis| largest[axis].max(watched[axis])), ImageLoss::most_pixels(gpu))
-    }
-
-    /// Estimates exposures and light from the images, and corrects the images accordingly.
-    fn find_light(&mut self, gpu: &mut Gpu) -> Result<(), TrainError> {
-        let TrainSettings { light, gloss, exposure, .. } = self.settings;
-        if (light, exposure) == (LightChoice::Off, ExposureChoice::Off) {
-            return Ok(());
-        }
-        let mut seen = gpu.retry_on_device_loss("the light", |gpu| -> Result<TexelFrames, TrainError> {
-            Ok(TexelFrames::new(gpu, &self.capture, &self.split, &self.prepared.poses)?)
-        })?;
-        let [burnt, black] = seen.extremes();
-        for (part, how) in [(burnt, "burnt out (white)"), (black, "black")] {
-            if part > MOST_EXTREME {
-                log::warn!(
-                    "{:.0} % of what the images show of the hand is {how}: its colours there are not known",
-                    1e2 * part
-                );
-            }
-        }
-        let mut correction = ColorCorrection::default();
-        if exposure != ExposureChoice::Off {
-            let fit = fit_exposure(&seen, exposure);
-            if fit.corrected {
-                correction.cameras.clone_from(&fit.maps);
-                seen.correct(&correction);
-            }
-            self.prepared.exposure = Some(fit);
-        }
-        if light != LightChoice::Off {
-            let fit = fit_light_to(&seen, &self.capture.template, &self.prepared.poses, light, gloss)?;
-            let differ = fit.frames_differ();
-            if differ > UNSTEADY {
-                log::warn!(
-                    "frames differ in brightness by {:.0} % (standard deviation) beyond what a fixed light explains; \
-                     keep light and exposure fixed while a hand is filmed",
-                    1e2 * differ
-                );
-            }
-            self.prepared.light = Some(fit);
-        }
-        if !correction.is_empty() {
-            self.prepared.correction.clone_from(&correction);
-            self.capture.color_correction = correction;
-            self.views = TrainViews::new(&self.capture, &self.split, CROP_MARGIN)?;
-        }
-        Ok(())
     }
 
     /// Aligns poses and proportions.

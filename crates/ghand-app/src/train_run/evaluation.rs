@@ -204,10 +204,16 @@ fn print_exposure(fit: &ExposureFit) {
     let done = if fit.corrected {
         format!("differ by {:.1} %: each camera's colours are corrected", 1e2 * fit.spread)
     } else {
-        "are alike enough: nothing is corrected".into()
+        match fit.unexplained {
+            None => "are alike enough: nothing is corrected".into(),
+            Some(_) => "differ by what light and gloss explain: nothing is corrected".into(),
+        }
     };
     say!("exposures: cameras {done}");
     say!("           squared difference x 1000 between cameras in held-out frames: {without:.2}, {with:.2} corrected");
+    if let Some([without, with]) = fit.unexplained.map(|both| both.map(|value| 1e3 * value)) {
+        say!("           light and gloss leave {without:.2} of such frames' colours unexplained, {with:.2} corrected");
+    }
 }
 
 /// From this distance on, metres, light hardly changes over a hand.
