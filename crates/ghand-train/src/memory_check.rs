@@ -32,7 +32,7 @@ mod tests {
 
     #[test]
     fn more_gaussians_than_memory_holds_are_rejected_with_what_they_need() {
-        let settings = TrainSettings::default();
+        let settings = TrainSettings { uv_resolution: 160, ..TrainSettings::default() };
         check(14_000, 16, &settings).unwrap();
         // More than a 64-bit processor can address.
         let message = check(1 << 46, 16, &settings).unwrap_err().to_string();

@@ -137,9 +137,11 @@ mod tests {
         let text = include_str!("../tests/data/settings-0.1.toml");
         let mut settings = TrainSettings { seed: 5, ..TrainSettings::default() };
         settings.set_all(text).unwrap();
-        assert_eq!(settings, TrainSettings::default());
+        // What was the default then.
+        let wanted = TrainSettings { uv_resolution: 160, ..TrainSettings::default() };
+        assert_eq!(settings, wanted);
         let run: TrainSettings = TrainSettings::of_run(text.parse::<toml::Table>().unwrap()).unwrap();
-        assert_eq!(run, TrainSettings::default());
+        assert_eq!(run, wanted);
         for line in text.lines() {
             let name = line.split(' ').next().unwrap();
             let set = TrainSettings::default().set(&line.replace('"', ""));

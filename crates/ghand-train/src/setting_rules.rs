@@ -7,6 +7,8 @@ use serde_json::Value;
 pub(crate) enum Rule {
     /// Whole numbers between two bounds, both included.
     Whole(u64, u64),
+    /// The same, or 0.
+    ZeroOr(u64, u64),
     /// Numbers between two bounds, both included.
     Number(f64, f64),
     /// Numbers above 0, up to 1.
@@ -38,7 +40,7 @@ pub(crate) fn rule(name: &str) -> Option<Rule> {
         "gloss" => Rule::Word(&["auto", "always", "off"]),
         "exposure" => Rule::Word(&["auto", "per_camera", "off"]),
         "unseen" => Rule::Word(&["fill", "off"]),
-        "uv_resolution" => Rule::Whole(8, 2048),
+        "uv_resolution" => Rule::ZeroOr(8, 2048),
         "seed" => Rule::Whole(0, u64::MAX),
         "shape_bases" => Rule::Whole(1, 32),
         "color_components" => Rule::Whole(0, 32),
@@ -113,7 +115,7 @@ impl Rule {
     /// Reads a value; `None` if it has the wrong type or is out of range.
     pub fn parse(self, text: &str) -> Option<Value> {
         let value = match self {
-            Rule::Whole(..) => Value::from(whole(text)?),
+            Rule::Whole(..) | Rule::ZeroOr(..) => Value::from(whole(text)?),
             Rule::Number(..) | Rule::AboveZero => Value::from(text.parse::<f64>().ok()?),
             Rule::Word(_) => Value::from(text),
         };
@@ -124,6 +126,7 @@ impl Rule {
     pub fn allows(self, value: &Value) -> bool {
         match self {
             Rule::Whole(least, most) => value.as_u64().is_some_and(|v| (least..=most).contains(&v)),
+            Rule::ZeroOr(least, most) => value.as_u64().is_some_and(|v| v == 0 || (least..=most).contains(&v)),
             Rule::Number(least, most) => value.as_f64().is_some_and(|v| (least..=most).contains(&v)),
             Rule::AboveZero => value.as_f64().is_some_and(|v| v > 0.0 && v <= 1.0),
             Rule::Word(words) => value.as_str().is_some_and(|v| words.contains(&v)),
@@ -135,6 +138,7 @@ impl Rule {
         let range = match self {
             Rule::Whole(least, u64::MAX) => format!("a whole number, at least {least}"),
             Rule::Whole(least, most) => format!("a whole number, from {least} to {most}"),
+            Rule::ZeroOr(least, most) => format!("0 or a whole number, from {least} to {most}"),
             Rule::Number(least, most) => format!("a number, from {least} to {most:e}"),
             Rule::AboveZero => "a number, above 0 and at most 1".into(),
             Rule::Word(words) => words.iter().map(|w| format!("`{w}`")).collect::<Vec<_>>().join(" or "),

@@ -153,7 +153,8 @@ pub struct TrainSettings {
     pub unseen: Unseen,
     /// Seed of all random numbers; `--seed N` sets it, too.
     pub seed: u64,
-    /// Resolution of the UV raster; each texel on the hand is one Gaussian.
+    /// Resolution of the UV raster; each texel on the hand is one Gaussian. 0: as the images show the hand, so that Gaussians
+    /// are some 2 pixels wide; from 96 to 512, with `model=network` to 160.
     pub uv_resolution: u32,
     /// Blocks of 2x2 texels become one Gaussian where no training image shows texels with edges of this length or more,
     /// pixels, also where none shows them at all; 0: none. With `model=direct`.
@@ -212,7 +213,7 @@ impl Default for TrainSettings {
             exposure: ExposureChoice::default(),
             unseen: Unseen::default(),
             seed: 1,
-            uv_resolution: 160,
+            uv_resolution: 0,
             merge_below: 0.0,
             shape_bases: 8,
             color_components: 4,
@@ -504,8 +505,8 @@ mod tests {
             ("iterations=many", "must be a whole number, from 1"),
             ("iterations=", "no value was given; it must be a whole number"),
             ("iterations=[3]", "must be a whole number"),
-            ("uv_resolution=4", "must be a whole number, from 8 to 2048, as in uv_resolution=160"),
-            ("uv_resolution=-8", "must be a whole number, from 8 to 2048"),
+            ("uv_resolution=4", "must be 0 or a whole number, from 8 to 2048, as in uv_resolution=0"),
+            ("uv_resolution=-8", "must be 0 or a whole number, from 8 to 2048"),
             ("seed=-1", "must be a whole number, at least 0, as in seed=1"),
             ("seed=1e300", "must be a whole number, at least 0"),
             ("shape_bases=0", "must be a whole number, from 1 to 32"),

@@ -1,5 +1,6 @@
 //! A training run: two stages over the views of a split.
 
+mod gaussian_width;
 mod light;
 mod preview_sink;
 mod refinement;
@@ -18,7 +19,6 @@ use ghand_capture::images::color_correction::ColorMap;
 use ghand_capture::mask::AlignedHand;
 use ghand_capture::{Capture, Split, SplitView};
 use ghand_core::pose_offsets::TrackerOffsets;
-use ghand_core::statistics::median;
 use ghand_core::{Camera, HandModel, Pose};
 use ghand_hand_model::surface;
 use ghand_render::Gpu;
@@ -31,6 +31,7 @@ use crate::memory_check;
 use crate::settings::{Align, Model, Simplify, TrainSettings};
 use crate::train_error::TrainError;
 use crate::visible_gaussians::visible_gaussians;
+use gaussian_width::{gaussian_width, with_resolution};
 use ghand_fit::alignment::pose_offsets::tracker_offsets;
 use ghand_fit::alignment::synthesis::SynthesisRefinement;
 use ghand_fit::alignment::{Alignment, AlignmentError, align};
@@ -220,8 +221,9 @@ impl<'a> Trainer<'a> {
                 return Err(TrainError::Empty { capture, split: split_name.into(), what });
             }
         }
+        let settings = with_resolution(capture, &split, settings)?;
         let gaussians = surface::sample_surface(&capture.template, settings.uv_resolution)?.len();
-        memory_check::check(gaussians, capture.template.joint_count(), settings)?;
+        memory_check::check(gaussians, capture.template.joint_count(), &settings)?;
         let problem = Problem {
             views: TrainViews::new(capture, &split, CROP_MARGIN)?,
             training_set: training_set(capture, &split),
@@ -232,7 +234,7 @@ impl<'a> Trainer<'a> {
             split,
             split_name: split_name.into(),
             capture: capture.clone(),
-            settings: settings.clone(),
+            settings,
             gaussians,
             watched: None,
             lpips: None,
@@ -359,6 +361,11 @@ impl<'a> Trainer<'a> {
         self.problem.gaussians
     }
 
+    /// Resolution of the UV raster: that of the settings, or the one that suits the images.
+    pub fn uv_resolution(&self) -> u32 {
+        self.problem.settings.uv_resolution
+    }
+
     /// How wide a Gaussian is in the training images, pixels: the median over images of what a texel's edge covers at the
     /// hand's distance, seen face on.
     ///
@@ -366,14 +373,7 @@ impl<'a> Trainer<'a> {
     /// [`TrainError`] if the hand model has no usable atlas.
     pub fn gaussian_width(&self) -> Result<f64, TrainError> {
         let Problem { capture, split, settings, .. } = &self.problem;
-        let edge = median(surface::sample_surface(&capture.template, settings.uv_resolution)?.spacings);
-        let root = capture.template.joints.first().copied().unwrap_or_default();
-        let widths = split.views.iter().map(|view| {
-            let camera = &capture.cameras[view.camera];
-            let hand = capture.frames[view.frame].pose.translation + root;
-            edge * camera.focal.x / camera.camera_from_world(hand).length()
-        });
-        Ok(median(widths))
+        Ok(gaussian_width(capture, split, settings.uv_resolution)?)
     }
 
     /// Runs both stages and calls `progress` after each iteration and each trial.

@@ -50,6 +50,31 @@ fn the_same_seed_gives_the_same_file_and_a_different_seed_a_different_one() {
 }
 
 #[test]
+fn as_many_gaussians_as_the_images_require() {
+    let gpu = gpu();
+    let folder = tempfile::tempdir().unwrap();
+    let mut capture = small_capture(&gpu, &folder.path().join("capture"));
+    let of = |capture: &Capture, settings: TrainSettings| {
+        let trainer = Trainer::new(&gpu, capture, "train", &settings).unwrap();
+        (trainer.uv_resolution(), trainer.gaussian_width().unwrap())
+    };
+    let found = of(&capture, TrainSettings::default());
+    assert!((96..512).contains(&found.0) && (found.1 - 2.0).abs() < 0.15, "{found:?}");
+    assert_eq!(of(&capture, TrainSettings { uv_resolution: 40, ..TrainSettings::default() }).0, 40);
+    // As if the images were smaller and larger.
+    let mut enlarged = |by: f64, settings: TrainSettings| {
+        capture.cameras.iter_mut().for_each(|camera| camera.focal *= by);
+        of(&capture, settings).0
+    };
+    assert_eq!(enlarged(0.2, TrainSettings::default()), 96);
+    assert_eq!(enlarged(50.0, TrainSettings::default()), 512);
+    let network = TrainSettings { model: ghand_train::Model::Network, ..TrainSettings::default() };
+    if crate::is_built(&network.model) {
+        assert_eq!(enlarged(1.0, network), 160);
+    }
+}
+
+#[test]
 fn training_beats_the_baseline_on_new_poses_and_views_and_improves_the_poses() {
     let gpu = gpu();
     let folder = tempfile::tempdir().unwrap();

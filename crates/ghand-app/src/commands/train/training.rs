@@ -23,11 +23,8 @@ const LONGEST_SILENCE: Duration = Duration::from_secs(30);
 
 /// Least time between two writings of the files that show how the run goes.
 const LIVE_EVERY: Duration = Duration::from_secs(10);
-/// Gaussians wider than this, pixels, blur what the images show; finer ones of the wanted width are then advised, up to
-/// a resolution.
-const WIDE: f64 = 5.0;
-const WANTED: f64 = 3.0;
-const LARGEST_ADVISED: f64 = 512.0;
+/// Gaussians wider than this, pixels, blur what the images show.
+const WIDE: f64 = 4.0;
 
 /// Trains, from the last checkpoint on if the run is resumed, and prints the outcome. `watch` sees the progress instead
 /// of the terminal.
@@ -43,7 +40,7 @@ pub(super) fn train(
     let settings = &record.settings;
     let mut trainer = Trainer::new(gpu, &inputs.start, &record.split, settings)?.with_lpips(Some(inputs.lpips.clone()));
     let gaussians = match settings.simplify {
-        Simplify::Off => format!("{} Gaussians", trainer.gaussians()),
+        Simplify::Off => format!("{} Gaussians (uv_resolution={})", trainer.gaussians(), trainer.uv_resolution()),
         Simplify::Auto => "as many Gaussians as they require".into(),
     };
     say!(
@@ -54,12 +51,11 @@ pub(super) fn train(
         settings.iterations
     );
     let width = trainer.gaussian_width()?;
-    let finer = (f64::from(settings.uv_resolution) * width / WANTED).min(LARGEST_ADVISED);
-    if settings.simplify == Simplify::Off && width > WIDE && finer > f64::from(settings.uv_resolution) {
+    if settings.simplify == Simplify::Off && settings.uv_resolution > 0 && width > WIDE {
         say!(
-            "a Gaussian is {width:.0} pixels wide in these images: --set uv_resolution={:.0} shows more of them, in more \
-             time",
-            (finer / 16.0).round() * 16.0
+            "a Gaussian is {width:.0} pixels wide in these images: without uv_resolution={} there are as many as they \
+             require, which takes more time",
+            settings.uv_resolution
         );
     }
     if plan.resumed
