@@ -18,7 +18,7 @@ results=out/results
 say() { echo "results: $*" >&2; }
 
 # Entry, capture (`-` for the demo's own), options of `train`. All entries of a capture share its settings.
-blender="--set uv_resolution=192 --set iterations=1500"
+blender="--set iterations=1500"
 entries=$(
     cat <<ENTRIES
 demo - --set iterations=660

@@ -145,8 +145,8 @@ pub struct TrainSettings {
     /// `off`: not modelled. `auto`: if it explains a fiftieth of how much the images of held-out frames differ.
     pub gloss: GlossChoice,
     /// Exposure and white balance of the training cameras. `per_camera`: an affine map of its colours for each, so that
-    /// all cameras of a frame agree. `off`: cameras are alike. `auto`: maps, if cameras then disagree a tenth less in
-    /// held-out frames.
+    /// all cameras of a frame agree. `off`: cameras are alike. `auto`: maps, if in held-out frames cameras then
+    /// disagree a tenth less, and light and gloss leave a tenth less unexplained.
     pub exposure: ExposureChoice,
     /// Gaussians that training hardly saw. `fill`: they get the properties of their neighbours on the surface, the more
     /// the less they were seen; offsets of all are smoothed a little. `off`: they stay as they were trained.
