@@ -32,10 +32,10 @@ struct View {
 @group(0) @binding(0) var<uniform> view: View;
 
 const TILE_SIZE: u32 = 8u;
-// Screen-space blur added to every projected covariance, pixels^2: as 3D Gaussian Splatting has it, and with antialiasing
-// as Mip-Splatting has it.
+// Screen-space blur added to every projected covariance, pixels^2: as 3D Gaussian Splatting has it, and as Mip-Splatting has
+// it.
 const BLUR: f32 = 0.3;
-const ANTIALIASED_BLUR: f32 = 0.1;
+const NARROW_BLUR: f32 = 0.1;
 // Less alpha is not blended.
 override ALPHA_MIN: f32 = 1.0 / 255.0;
 const ALPHA_MAX: f32 = 0.99;

@@ -1,7 +1,7 @@
 // A Gaussian's row of numbers, for every kind of Gaussian, and its footprint on the image. Used forward and backward,
 // so that both compute the same bits.
 
-import package::shared::camera::{ANTIALIASED_BLUR, BLUR, view};
+import package::shared::camera::{BLUR, NARROW_BLUR, view};
 
 // The kind of the scene, see `ghand_render::splat::SplatModel`.
 override ANISOTROPIC: bool = false;
@@ -13,6 +13,7 @@ override COLOR_BASES: u32 = 0u;
 // Scales are logarithms and opacities logits.
 override UNBOUNDED: bool = false;
 override ANTIALIAS: bool = false;
+override NARROW: bool = false;
 // Rows of the table of Gaussians; the mean is in the first three.
 override ROW_SCALE: u32 = 3u;
 override ROW_ROTATION: u32 = 4u;
@@ -156,7 +157,7 @@ fn footprint(g: Gaussian, p: vec3<f32>) -> Footprint {
     let xx = dot(foot.row_x, foot.row_x);
     let yy = dot(foot.row_y, foot.row_y);
     foot.area = length(cross(foot.row_x, foot.row_y));
-    let blur = select(BLUR, ANTIALIASED_BLUR, ANTIALIAS);
+    let blur = select(BLUR, NARROW_BLUR, NARROW);
     foot.covariance = vec3(xx + blur, dot(foot.row_x, foot.row_y), yy + blur);
     foot.determinant = foot.area * foot.area + blur * (xx + yy) + blur * blur;
     return foot;

@@ -55,21 +55,26 @@ fn encode_poses(
 
 /// The kind of the avatars' Gaussians. The splatter draws all of them in one way.
 pub(crate) fn splat_model(avatars: &[&Avatar]) -> Result<SplatModel, RenderError> {
-    let is_antialiased = |avatar: &&Avatar| avatar.config.antialias;
-    let antialias = avatars.first().is_some_and(is_antialiased);
-    if let Some(other) = avatars.iter().position(|avatar| is_antialiased(avatar) != antialias) {
-        let with = |antialias: bool| if antialias { "with" } else { "without" };
+    let filter = |avatar: &&Avatar| avatar.config.filter();
+    let first = avatars.first().map(filter);
+    if let Some(other) = avatars.iter().position(|avatar| Some(filter(avatar)) != first) {
+        let name = |avatar: &Avatar| match (avatar.config.antialias, avatar.config.narrow_blur) {
+            (false, _) => "without antialiasing",
+            (true, false) => "with the antialiasing of an earlier version",
+            (true, true) => "with antialiasing",
+        };
         return Err(RenderError::Invalid(format!(
-            "avatar 0 was trained {} antialiasing and avatar {other} {} it, so one scene cannot show both; train one \
-             of them again",
-            with(antialias),
-            with(!antialias)
+            "avatar 0 was trained {} and avatar {other} {}, so one scene cannot show both; train one of them again",
+            name(avatars[0]),
+            name(avatars[other])
         )));
     }
+    let [antialias, narrow] =
+        avatars.first().map_or([false; 2], |avatar| [avatar.config.antialias, avatar.config.narrow_blur]);
     // Without a normal, a flat Gaussian is round.
     let flat = avatars.iter().any(|avatar| avatar.config.gaussians == GaussianShape::Flat);
     let shape = if flat { Shape::Flat } else { Shape::Isotropic };
-    Ok(SplatModel { shape, antialias, ..SplatModel::HAND })
+    Ok(SplatModel { shape, antialias, narrow: antialias && narrow, ..SplatModel::HAND })
 }
 
 impl Scene {

@@ -65,7 +65,7 @@ pub struct SplatScene {
 impl SplatScene {
     /// The model of the Gaussians.
     pub fn model(&self) -> SplatModel {
-        SplatModel { antialias: self.antialias, ..SplatModel::trained(self.degree) }
+        SplatModel { antialias: self.antialias, narrow: self.antialias, ..SplatModel::trained(self.degree) }
     }
 
     /// A row of the table, a number of each Gaussian.

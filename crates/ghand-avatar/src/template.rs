@@ -5,6 +5,8 @@ use ghand_core::residual_skeleton::ResidualSkeleton;
 use ghand_core::skinning::ResidualWeights;
 use ghand_core::{HandModel, Side};
 use ghand_hand_model::{HandModelError, SurfaceSamples, surface};
+use ghand_render::reference::project::Filter;
+use ghand_render::splat::SplatModel;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
@@ -70,6 +72,9 @@ pub struct AvatarConfig {
     /// Whether the projection was antialiased in training, so that it must be wherever the avatar is shown.
     #[serde(skip_serializing_if = "is_default")]
     pub antialias: bool,
+    /// Whether its blur is 0.1 square pixels then; of older avatars it is 0.3.
+    #[serde(skip_serializing_if = "is_default")]
+    pub narrow_blur: bool,
     /// Whether skinning is plain linear blend skinning: the avatar has no residual weights and no residual skeleton. Only of
     /// `direct` avatars.
     #[serde(skip_serializing_if = "is_default")]
@@ -93,6 +98,7 @@ impl Default for AvatarConfig {
             residual_skeleton: ResidualSkeleton::default(),
             gaussians: GaussianShape::default(),
             antialias: false,
+            narrow_blur: false,
             plain_skinning: false,
             offsets: Offsets::default(),
             network: None,
@@ -106,6 +112,12 @@ fn is_default<T: Default + PartialEq>(value: &T) -> bool {
 }
 
 impl AvatarConfig {
+    /// How the Gaussians are kept from being smaller than a pixel.
+    pub fn filter(&self) -> Filter {
+        SplatModel { antialias: self.antialias, narrow: self.antialias && self.narrow_blur, ..SplatModel::HAND }
+            .filter()
+    }
+
     /// Rows of the blend coefficients.
     pub fn coefficient_rows(&self) -> usize {
         self.coefficients.rows() * self.shape_bases

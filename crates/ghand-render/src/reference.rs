@@ -16,7 +16,7 @@ mod wireframe;
 pub fn shared_constants() -> [(&'static str, &'static str, f64); 10] {
     [
         ("project", "BLUR", project::BLUR),
-        ("project", "ANTIALIASED_BLUR", project::ANTIALIASED_BLUR),
+        ("project", "NARROW_BLUR", project::NARROW_BLUR),
         ("project", "ALPHA_MIN", project::ALPHA_MIN),
         ("rasterize", "ALPHA_MAX", rasterize::ALPHA_MAX),
         ("rasterize", "TRANSMITTANCE_MIN", rasterize::TRANSMITTANCE_MIN),

@@ -412,6 +412,7 @@ impl TrainSettings {
             offsets,
             gaussians: self.gaussians,
             antialias: self.antialias == Antialias::On,
+            narrow_blur: self.antialias == Antialias::On,
             network: (self.model == Model::Network).then(|| match self.network {
                 Network::Quick => NetworkSizes::quick(),
                 Network::Paper => NetworkSizes::paper(),

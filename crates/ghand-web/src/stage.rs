@@ -45,11 +45,13 @@ impl Stage {
     /// One sentence if one scene cannot show it with the others.
     pub fn add(&mut self, avatar: Avatar) -> Result<usize, String> {
         if let Some(first) = self.hands.first()
-            && first.avatar().config.antialias != avatar.config.antialias
+            && first.avatar().config.filter() != avatar.config.filter()
         {
-            return Err("one of the avatars was trained with antialiasing and the other without, so one scene cannot \
-                        show both; train one of them again"
-                .into());
+            return Err(
+                "the avatars were trained with different antialiasing, so one scene cannot show both; train one \
+                        of them again"
+                    .into(),
+            );
         }
         if !self.layer.is_of(&avatar) {
             self.show(Layer::Skin)?;

@@ -167,7 +167,8 @@ fn splatter(
     size: [u32; 2],
     has_gradient: bool,
 ) -> anyhow::Result<Splatter> {
-    let model = SplatModel { antialias: args.antialias || scene.antialias, ..scene.model() };
+    let antialias = args.antialias || scene.antialias;
+    let model = SplatModel { antialias, narrow: antialias, ..scene.model() };
     let (purpose, rows) =
         if has_gradient { (Purpose::Gradients, size[1]) } else { (Purpose::Images, band_rows(gpu, size)) };
     let splatter =

@@ -70,5 +70,10 @@ fn a_scene_is_antialiased_if_its_avatars_are_and_refuses_to_mix_them() {
         assert_eq!(made(&avatars).unwrap().splatter().options().model.antialias, expected);
     }
     let Err(RenderError::Invalid(message)) = made(&[&off, &off, &on]) else { panic!("both kinds in one scene") };
-    assert!(message.contains("avatar 2 with it") && !message.contains('\n'), "{message}");
+    assert!(message.contains("avatar 2 with the antialiasing of an earlier") && !message.contains('\n'), "{message}");
+    let mut narrow = on.clone();
+    narrow.config.narrow_blur = true;
+    assert!(made(&[&narrow, &narrow]).unwrap().splatter().options().model.narrow);
+    let Err(RenderError::Invalid(message)) = made(&[&narrow, &on]) else { panic!("both blurs in one scene") };
+    assert!(message.starts_with("avatar 0 was trained with antialiasing and avatar 1 with the"), "{message}");
 }

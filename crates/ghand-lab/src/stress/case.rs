@@ -7,7 +7,7 @@ use ghand_avatar::reference::{DirectTwin, PosedGaussians, pose_baked, pose_netwo
 use ghand_avatar::scene::OPACITY;
 use ghand_avatar::{Avatar, GaussianShape, PropertyTables, Scene};
 use ghand_core::{Camera, Pose};
-use ghand_render::reference::project::Gaussian;
+use ghand_render::reference::project::{Filter, Gaussian};
 use ghand_render::reference::rasterize::{Scene as SplatTwin, Thresholds};
 use ghand_render::splat::{NEAR, Purpose, SplatModel};
 use ghand_render::{Gpu, buffers};
@@ -196,7 +196,7 @@ impl<'a> StressSubject<'a> {
         let views = [(of_device, 1.0), (of_moved, 1.0), (of_exact, 1.0), (of_device, LOWER), (of_device, HIGHER)];
         let drawn: Vec<_> = views
             .into_par_iter()
-            .map(|((splats, camera), cut)| twin_of(splats, camera, model.antialias, cut).rasterize())
+            .map(|((splats, camera), cut)| twin_of(splats, camera, model.filter(), cut).rasterize())
             .collect();
         let undecided = undecided([&drawn[3], &drawn[0], &drawn[4]]);
         let is_sorted = is_order_decided(of_device.0, &camera);
@@ -315,7 +315,7 @@ impl<'a> StressSubject<'a> {
 }
 
 /// The twin of a picture, with this factor on the thresholds of blending.
-pub fn twin_of<'a>(gaussians: &'a [Gaussian], camera: &'a Camera, antialias: bool, cut: f64) -> SplatTwin<'a> {
+pub fn twin_of<'a>(gaussians: &'a [Gaussian], camera: &'a Camera, filter: Filter, cut: f64) -> SplatTwin<'a> {
     let background = DVec3::from(BACKGROUND.map(f64::from));
     let usual = Thresholds::default();
     let [alpha_min, transmittance_min] = [usual.alpha_min, usual.transmittance_min].map(|limit| limit * cut);
@@ -323,13 +323,13 @@ pub fn twin_of<'a>(gaussians: &'a [Gaussian], camera: &'a Camera, antialias: boo
         gaussians,
         camera,
         background,
-        antialias,
+        filter,
         thresholds: Thresholds { alpha_min, transmittance_min, ..usual },
     }
 }
 
 fn twin<'a>(gaussians: &'a [Gaussian], camera: &'a Camera, model: &SplatModel) -> SplatTwin<'a> {
-    twin_of(gaussians, camera, model.antialias, 1.0)
+    twin_of(gaussians, camera, model.filter(), 1.0)
 }
 
 fn depth(gaussian: &Gaussian, camera: &Camera) -> f64 {

@@ -164,7 +164,7 @@ fn errors(gpu: &Gpu, quantity: Quantity, value: f64, draw: &mut Sampler) -> anyh
     let places = found.means.iter().zip(&posed.gaussians.means).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max) / size;
 
     let splats = posed.gaussians.splats(OPACITY.into());
-    let exact = |cut: f64| twin_of(&splats, &camera, avatar.config.antialias, cut).rasterize();
+    let exact = |cut: f64| twin_of(&splats, &camera, avatar.config.filter(), cut).rasterize();
     let [low, drawn, high] = [LOWER, 1.0, HIGHER].map(exact);
     let undecided = undecided([&low, &drawn, &high]);
     let is_drawn = drawn.iter().any(|pixel| pixel[3] > 0.0);
@@ -177,7 +177,7 @@ fn errors(gpu: &Gpu, quantity: Quantity, value: f64, draw: &mut Sampler) -> anyh
     let weight = |undecided: &bool| [0; 4].map(|_| if *undecided { 0.0 } else { draw.0.random_range(-1.0f32..1.0) });
     let weights: Vec<[f32; 4]> = undecided.iter().map(weight).collect();
     let d_image: Vec<[f64; 4]> = weights.iter().map(|w| w.map(f64::from)).collect();
-    let d_splats = twin_of(&splats, &camera, avatar.config.antialias, 1.0).rasterize_vjp(&d_image).0;
+    let d_splats = twin_of(&splats, &camera, avatar.config.filter(), 1.0).rasterize_vjp(&d_image).0;
     let [d_means, d_scales, d_colors] = gradient_parts(&d_splats, 1.0);
     let d_gaussians = PosedGaussians {
         means: vectors(&d_means, 0, d_splats.len()),

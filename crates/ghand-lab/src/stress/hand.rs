@@ -262,6 +262,7 @@ fn config(draw: &mut Sampler) -> AvatarConfig {
         plain_skinning: draw.chance(0.3),
         gaussians: draw.one(&[GaussianShape::Round, GaussianShape::Flat]),
         antialias: draw.chance(0.5),
+        narrow_blur: true,
         ..AvatarConfig::default()
     }
 }

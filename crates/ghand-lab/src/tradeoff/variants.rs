@@ -92,7 +92,7 @@ pub fn variants(
             add_with(text, knob, avatar, image_scale, Thresholds::default())
         };
         let antialias = !avatar.config.antialias;
-        let config = AvatarConfig { antialias, ..avatar.config.clone() };
+        let config = AvatarConfig { antialias, narrow_blur: antialias, ..avatar.config.clone() };
         let other = Arc::new(Avatar { config, ..avatar.clone() });
         add(format!("antialias {}", if antialias { "on" } else { "off" }), "antialias", &other, 1.0)?;
         for scale in SCALES {

@@ -6,12 +6,20 @@ use glam::{DMat2, DMat3, DVec2, DVec3, DVec4};
 use super::spherical_harmonics::{basis, basis_gradient};
 use crate::splat::NEAR;
 
-/// Blur added to projected covariances, pixels^2: as 3D Gaussian Splatting has it, and with antialiasing as Mip-Splatting
-/// has it.
-pub(super) const BLUR: f64 = 0.3;
-pub(super) const ANTIALIASED_BLUR: f64 = 0.1;
+/// Blur added to projected covariances, pixels^2: as 3D Gaussian Splatting has it, and as Mip-Splatting has it.
+pub(crate) const BLUR: f64 = 0.3;
+pub(crate) const NARROW_BLUR: f64 = 0.1;
 /// Splats below this alpha are invisible.
 pub(super) const ALPHA_MIN: f64 = 1.0 / 255.0;
+
+/// How projected Gaussians are kept from being smaller than a pixel.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Filter {
+    /// Whether opacity compensates for the blur.
+    pub antialias: bool,
+    /// Added to projected covariances, pixels^2.
+    pub blur: f64,
+}
 
 /// A Gaussian in the world, of the most general kind. The other kinds are special cases of it.
 #[derive(Debug, Clone, PartialEq)]
@@ -125,7 +133,8 @@ fn rotation_matrix(q: DVec4) -> DMat3 {
     DMat3::from_quat(glam::DQuat::from_vec4(q.normalize()))
 }
 
-fn footprint(g: &Gaussian, camera: &Camera, antialias: bool) -> Footprint {
+fn footprint(g: &Gaussian, camera: &Camera, filter: Filter) -> Footprint {
+    let Filter { antialias, blur } = filter;
     let p = camera.camera_from_world(g.mean);
     let size = DVec2::new(f64::from(camera.width), f64::from(camera.height));
     let low = -(camera.principal + 0.15 * size) / camera.focal;
@@ -139,7 +148,6 @@ fn footprint(g: &Gaussian, camera: &Camera, antialias: bool) -> Footprint {
     let sigma = half * half.transpose();
     let entry = |i: usize, j: usize| jacobian[i].dot(sigma * jacobian[j]);
     let sharp = DMat2::from_cols_array(&[entry(0, 0), entry(0, 1), entry(0, 1), entry(1, 1)]);
-    let blur = if antialias { ANTIALIASED_BLUR } else { BLUR };
     let covariance = sharp + DMat2::from_diagonal(DVec2::splat(blur));
     let compensation = if antialias { (sharp.determinant().max(0.0) / covariance.determinant()).sqrt() } else { 1.0 };
     let free = [raw.x == slope.x, raw.y == slope.y];
@@ -147,7 +155,7 @@ fn footprint(g: &Gaussian, camera: &Camera, antialias: bool) -> Footprint {
 }
 
 /// The splat of a Gaussian, or `None` if it is culled.
-pub fn project(g: &Gaussian, camera: &Camera, antialias: bool) -> Option<Splat> {
+pub fn project(g: &Gaussian, camera: &Camera, filter: Filter) -> Option<Splat> {
     let finite = g.mean.is_finite()
         && g.scales.is_finite()
         && g.rotation.is_finite()
@@ -156,7 +164,7 @@ pub fn project(g: &Gaussian, camera: &Camera, antialias: bool) -> Option<Splat> 
     if !finite || g.rotation == DVec4::ZERO {
         return None;
     }
-    let f = footprint(g, camera, antialias);
+    let f = footprint(g, camera, filter);
     let opacity = g.opacity * f.compensation;
     if !f.p.is_finite() || f.p.z < f64::from(NEAR) || opacity < ALPHA_MIN {
         return None;
@@ -191,11 +199,11 @@ fn seen_color(g: &Gaussian, camera: &Camera) -> DVec3 {
 pub fn project_vjp(
     g: &Gaussian,
     camera: &Camera,
-    antialias: bool,
+    filter: Filter,
     d: &SplatGradient,
     d_camera: &mut CameraGradient,
 ) -> Gaussian {
-    let f = footprint(g, camera, antialias);
+    let f = footprint(g, camera, filter);
     let mut gradient = g.zero_like();
     let mut d_p = DVec3::ZERO;
     // Opacity and, with antialiasing, the covariance that it depends on: c = sqrt(det S / det C), dc = c/2 (tr(S^-1 dS)
@@ -204,7 +212,7 @@ pub fn project_vjp(
     let conic = f.covariance.inverse();
     let d_conic = DMat2::from_cols_array(&[d.conic.x, 0.5 * d.conic.y, 0.5 * d.conic.y, d.conic.z]);
     let mut d_covariance = -(conic * d_conic * conic);
-    if antialias && f.sharp.determinant() > 0.0 {
+    if filter.antialias && f.sharp.determinant() > 0.0 {
         d_covariance += (f.sharp.inverse() - conic) * (0.5 * d.opacity * g.opacity * f.compensation);
     }
     // cov = J W A S S A^T W^T J^T with the rotation's matrix A.

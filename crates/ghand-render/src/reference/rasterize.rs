@@ -4,7 +4,7 @@ use ghand_core::Camera;
 use glam::{DVec2, DVec3};
 
 use super::bin::bin;
-use super::project::{ALPHA_MIN, CameraGradient, Gaussian, Splat, SplatGradient, project, project_vjp};
+use super::project::{ALPHA_MIN, CameraGradient, Filter, Gaussian, Splat, SplatGradient, project, project_vjp};
 use crate::splat::TILE_SIZE;
 
 pub(super) const ALPHA_MAX: f64 = 0.99;
@@ -40,8 +40,8 @@ pub struct Scene<'a> {
     pub camera: &'a Camera,
     /// Background colour.
     pub background: DVec3,
-    /// Whether opacity compensates for the screen-space blur.
-    pub antialias: bool,
+    /// The screen-space blur.
+    pub filter: Filter,
     /// The thresholds of blending.
     pub thresholds: Thresholds,
 }
@@ -59,7 +59,7 @@ struct Lists {
 
 impl Scene<'_> {
     fn lists(&self) -> Lists {
-        let mut splats: Vec<_> = self.gaussians.iter().map(|g| project(g, self.camera, self.antialias)).collect();
+        let mut splats: Vec<_> = self.gaussians.iter().map(|g| project(g, self.camera, self.filter)).collect();
         if !self.thresholds.tiled {
             splats.iter_mut().flatten().for_each(|s| s.reach = DVec2::splat(1e9));
         }
@@ -172,7 +172,7 @@ impl Scene<'_> {
         let mut d_camera = CameraGradient::ZERO;
         // Culled splats have no gradient, and the gradient of a broken one must not be computed.
         let d_gaussians = self.gaussians.iter().zip(&lists.splats).zip(&d_splats).map(|((g, splat), d)| match splat {
-            Some(_) => project_vjp(g, self.camera, self.antialias, d, &mut d_camera),
+            Some(_) => project_vjp(g, self.camera, self.filter, d, &mut d_camera),
             None => g.zero_like(),
         });
         (d_gaussians.collect(), d_camera)
@@ -186,7 +186,7 @@ mod tests {
     use rand::{RngExt, SeedableRng};
 
     use super::*;
-    use crate::reference::project::Color;
+    use crate::reference::project::{BLUR, Color, NARROW_BLUR};
 
     /// Every number of a Gaussian, one after the other.
     fn numbers(g: &Gaussian) -> Vec<f64> {
@@ -234,6 +234,7 @@ mod tests {
         for (seed, bases, antialias) in
             [(5, 0, false), (6, 0, true), (7, 1, false), (8, 4, true), (9, 9, false), (10, 16, true)]
         {
+            let filter = Filter { antialias, blur: if antialias { NARROW_BLUR } else { BLUR } };
             let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
             let camera = Camera {
                 focal: DVec2::new(30.0, 26.0),
@@ -246,10 +247,10 @@ mod tests {
             let thresholds = Thresholds { alpha_min: 0.0, alpha_max: 2.0, transmittance_min: 0.0, tiled: false };
             let background = DVec3::new(0.3, 0.1, 0.7);
             let loss = |gaussians: &[Gaussian], camera: &Camera| -> f64 {
-                let scene = Scene { gaussians, camera, background, antialias, thresholds };
+                let scene = Scene { gaussians, camera, background, filter, thresholds };
                 scene.rasterize().iter().zip(&weights).map(|(p, w)| (0..4).map(|c| p[c] * w[c]).sum::<f64>()).sum()
             };
-            let scene = Scene { gaussians: &gaussians, camera: &camera, background, antialias, thresholds };
+            let scene = Scene { gaussians: &gaussians, camera: &camera, background, filter, thresholds };
             let (gradient, d_camera) = scene.rasterize_vjp(&weights);
             let check = |analytic: f64, numeric: f64, what: String| {
                 let error = (analytic - numeric).abs() / (1.0 + numeric.abs());

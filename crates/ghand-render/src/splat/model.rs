@@ -1,5 +1,7 @@
 //! The parameters of a scene's Gaussians: "model only what the scene requires".
 
+use crate::reference::project::{BLUR, Filter, NARROW_BLUR};
+
 /// Parameters of the sizes of Gaussians.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Shape {
@@ -60,6 +62,8 @@ pub struct SplatModel {
     /// Whether opacity is reduced to compensate for the screen-space blur, so that a Gaussian's total contribution
     /// stays the same.
     pub antialias: bool,
+    /// Whether that blur is 0.1 square pixels, as in Mip-Splatting, and not 0.3, as in 3D Gaussian Splatting.
+    pub narrow: bool,
 }
 
 impl SplatModel {
@@ -70,6 +74,7 @@ impl SplatModel {
         color: Color::Rgb,
         stored: Stored::Plain,
         antialias: false,
+        narrow: false,
     };
 
     /// The Gaussians of a 3D Gaussian Splatting `.ply` file, with spherical harmonics of this degree.
@@ -80,7 +85,13 @@ impl SplatModel {
             color: Color::SphericalHarmonics(degree),
             stored: Stored::Unbounded,
             antialias: false,
+            narrow: false,
         }
+    }
+
+    /// The screen-space blur as the twin takes it.
+    pub fn filter(&self) -> Filter {
+        Filter { antialias: self.antialias, blur: if self.narrow { NARROW_BLUR } else { BLUR } }
     }
 
     /// First row of the sizes (1 or 3 rows) in the table of Gaussians, after the three rows of the mean.
@@ -156,6 +167,7 @@ impl SplatModel {
             ("COLOR_BASES", self.color_bases() as f64),
             ("UNBOUNDED", flag(self.stored == Stored::Unbounded)),
             ("ANTIALIAS", flag(self.antialias)),
+            ("NARROW", flag(self.narrow)),
             ("ROW_SCALE", Self::SCALE_ROW as f64),
             ("ROW_ROTATION", self.rotation_row() as f64),
             ("ROW_OPACITY", self.opacity_row() as f64),

@@ -17,6 +17,7 @@ const GENERAL: SplatModel = SplatModel {
     shape: ghand_render::splat::Shape::Anisotropic,
     opacity: Opacity::Free,
     antialias: false,
+    narrow: false,
 };
 
 /// A camera at the origin that looks along z; 1 m at a distance of 1 m is `focal` pixels.
@@ -44,7 +45,7 @@ fn errors(model: SplatModel, device: &[Gaussian], gaussians: &[Gaussian], camera
     let pixels = (camera.width * camera.height) as usize;
     let weights = random_weights(11, pixels);
     let background = DVec3::from(BACKGROUND.map(f64::from));
-    let scene = Scene { gaussians, camera, background, antialias: model.antialias, thresholds: Thresholds::default() };
+    let scene = Scene { gaussians, camera, background, filter: model.filter(), thresholds: Thresholds::default() };
     let twin = scene.rasterize();
     let d_image: Vec<[f64; 4]> = weights.iter().map(|w| w.map(f64::from)).collect();
     let gradient = scene.rasterize_vjp(&d_image).0;
@@ -119,7 +120,7 @@ fn sizes_from_ten_nanometres_to_ten_metres() {
         // difference.
         let tolerance = if size >= 1.0 { 2e-4 } else { 1e-4 };
         check(&format!("sizes about {size:e} m"), GENERAL, &scene, &camera, 1e-4, tolerance);
-        let antialiased = SplatModel { antialias: true, ..GENERAL };
+        let antialiased = SplatModel { antialias: true, narrow: true, ..GENERAL };
         check(&format!("sizes about {size:e} m, antialiased"), antialiased, &scene, &camera, 1e-4, tolerance);
     }
 }
@@ -348,7 +349,7 @@ fn a_million_gaussians() {
         gaussians: &gaussians,
         camera: &camera,
         background,
-        antialias: false,
+        filter: model.filter(),
         thresholds: Thresholds::default(),
     };
     let twin = scene.rasterize();

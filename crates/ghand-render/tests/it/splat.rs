@@ -30,12 +30,15 @@ fn every_kind_of_gaussian_agrees_with_the_twin() {
         let scene = general_scene(20 + k as u64, 400, 0.005..0.03, bases);
         let trained = SplatModel::trained(degree);
         check_against_twin(trained, &scene, &camera, 1.0);
-        check_against_twin(SplatModel { antialias: true, stored: Stored::Plain, ..trained }, &scene, &camera, 1.0);
+        for narrow in [false, true] {
+            let model = SplatModel { antialias: true, narrow, stored: Stored::Plain, ..trained };
+            check_against_twin(model, &scene, &camera, 1.0);
+        }
     }
     let plain = general_scene(30, 400, 0.005..0.03, 0);
     check_against_twin(SplatModel { color: SplatColor::Rgb, ..SplatModel::trained(0) }, &plain, &camera, 1.0);
     let round = random_scene(31, 2000, 0.0005..0.01);
-    check_against_twin(SplatModel { antialias: true, ..SplatModel::HAND }, &round, &camera, 0.8);
+    check_against_twin(SplatModel { antialias: true, narrow: true, ..SplatModel::HAND }, &round, &camera, 0.8);
     let mut free = round;
     free.iter_mut().enumerate().for_each(|(i, g)| g.opacity = f64::from((i % 97) as f32 / 100.0 + 0.01));
     check_against_twin(SplatModel { opacity: Opacity::Free, ..SplatModel::HAND }, &free, &camera, 1.0);
@@ -65,7 +68,7 @@ fn flat_gaussians_agree_with_the_twin() {
     }
     let flat = SplatModel { shape: Shape::Flat, ..SplatModel::HAND };
     check_against_twin(flat, &scene, &camera(90, 53), 1.0);
-    check_against_twin(SplatModel { antialias: true, ..flat }, &scene, &camera(90, 53), 0.8);
+    check_against_twin(SplatModel { antialias: true, narrow: true, ..flat }, &scene, &camera(90, 53), 0.8);
 }
 
 /// Little-endian floats of a tensor.

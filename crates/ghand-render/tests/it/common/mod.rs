@@ -299,7 +299,7 @@ pub fn check_with_alpha_cut(model: SplatModel, alpha: u32, gaussians: &[Gaussian
         gaussians: &gaussians,
         camera,
         background: DVec3::from(BACKGROUND.map(f64::from)),
-        antialias: model.antialias,
+        filter: model.filter(),
         thresholds: Thresholds { alpha_min: cut, ..Thresholds::default() },
     };
     let twin = scene.rasterize();
@@ -352,8 +352,10 @@ pub fn check_with_alpha_cut(model: SplatModel, alpha: u32, gaussians: &[Gaussian
 
 /// A short description of a model.
 pub fn name(model: &SplatModel) -> String {
-    let SplatModel { shape, opacity, color, stored, antialias } = model;
-    format!("{shape:?}, {opacity:?} opacity, {color:?}, {stored:?}{}", if *antialias { ", antialiased" } else { "" })
+    let SplatModel { shape, opacity, color, stored, antialias, narrow } = model;
+    let [antialias, narrow] =
+        [(antialias, ", antialiased"), (narrow, ", narrow blur")].map(|(is, what)| if *is { what } else { "" });
+    format!("{shape:?}, {opacity:?} opacity, {color:?}, {stored:?}{antialias}{narrow}")
 }
 
 /// The camera's gradient in the form of the device: with respect to w and t in x + w x x + t, for camera coordinates x.
