@@ -11,13 +11,11 @@ import ghand
 import numpy as np
 from numpy.typing import NDArray
 
-# The blur of a pixel, px^2: without antialiasing and with it, as in Mip-Splatting.
-BLURS = 0.3, 0.1
 # gsplat's: the least and the largest opacity of a splat in a pixel.
 LEAST, LARGEST = 1 / 255, 0.999
 
 
-def with_gsplat(splats: dict[str, NDArray[np.float32]], camera: ghand.Camera, antialiased: bool) -> NDArray[np.float64]:
+def with_gsplat(splats: dict[str, NDArray[np.float32]], camera: ghand.Camera, hand: ghand.Avatar) -> NDArray[np.float64]:
     """A picture (height, width, 3) by gsplat, over black."""
     import torch
     from gsplat import rasterization
@@ -32,13 +30,13 @@ def with_gsplat(splats: dict[str, NDArray[np.float32]], camera: ghand.Camera, an
         Ks=tensor(camera.intrinsics)[None],
         width=camera.width,
         height=camera.height,
-        rasterize_mode="antialiased" if antialiased else "classic",
-        eps2d=BLURS[antialiased],
+        rasterize_mode="antialiased" if hand.antialiased else "classic",
+        eps2d=hand.blur,
     )
     return picture[0].detach().cpu().double().numpy()
 
 
-def with_numpy(splats: dict[str, NDArray[np.float32]], camera: ghand.Camera, antialiased: bool) -> NDArray[np.float64]:
+def with_numpy(splats: dict[str, NDArray[np.float32]], camera: ghand.Camera, hand: ghand.Avatar) -> NDArray[np.float64]:
     """The same picture in NumPy, slowly."""
     to_camera, k = camera.world_to_camera, camera.intrinsics
     means = splats["means"] @ to_camera[:3, :3].T + to_camera[:3, 3]
@@ -57,9 +55,9 @@ def with_numpy(splats: dict[str, NDArray[np.float32]], camera: ghand.Camera, ant
     jacobian[:, 0, 2], jacobian[:, 1, 2] = -fx * px / pz**2, -fy * py / pz**2
     shape = jacobian @ axes
     sharp = shape @ shape.transpose(0, 2, 1)
-    blurred = sharp + BLURS[antialiased] * np.eye(2)
+    blurred = sharp + hand.blur * np.eye(2)
     opacities = splats["opacities"].astype(np.float64)
-    if antialiased:
+    if hand.antialiased:
         opacities *= np.sqrt(np.clip(np.linalg.det(sharp) / np.linalg.det(blurred), 0, None))
     conics = np.linalg.inv(blurred)
     pixels = np.stack([fx * px / pz + k[0, 2], fy * py / pz + k[1, 2]], axis=1)
@@ -95,7 +93,7 @@ def main(avatar: str, pose: str = "point") -> None:
             draw = with_gsplat if torch.cuda.is_available() else with_numpy
         except ImportError:
             draw = with_numpy
-        picture = draw(splats, camera, hand.antialiased)
+        picture = draw(splats, camera, hand)
     difference = np.clip(picture, 0, 1) - np.clip(expected, 0, 1)
     psnr = -10 * np.log10(np.mean(difference**2) + 1e-12)
     print(f"{draw.__name__}: {psnr:.1f} dB from ghand, largest difference {255 * np.abs(difference).max():.1f} of 255")

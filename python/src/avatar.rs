@@ -151,6 +151,12 @@ impl Avatar {
         self.0.avatar.config.antialias
     }
 
+    /// The blur of a pixel, square pixels: gsplat's `eps2d`.
+    #[getter]
+    fn blur(&self) -> f64 {
+        self.0.avatar.config.filter().blur
+    }
+
     /// Number of its Gaussians, `N`.
     fn __len__(&self) -> usize {
         self.0.avatar.template.len()

@@ -179,6 +179,9 @@ class Avatar:
     @property
     def antialiased(self) -> bool:
         """Whether Gaussians smaller than a pixel become fainter: gsplat's `rasterize_mode="antialiased"`."""
+    @property
+    def blur(self) -> float:
+        """The blur of a pixel, square pixels: gsplat's `eps2d`."""
     def __len__(self) -> int:
         """Number of its Gaussians."""
     def pose(
