@@ -206,7 +206,9 @@ fn print_exposure(fit: &ExposureFit) {
     } else {
         match fit.unexplained {
             None => "are alike enough: nothing is corrected".into(),
-            Some(_) => "differ by what light and gloss explain: nothing is corrected".into(),
+            Some(_) => {
+                "differ, but corrected they are explained hardly better by light and gloss: nothing is corrected".into()
+            }
         }
     };
     say!("exposures: cameras {done}");
