@@ -9,7 +9,7 @@ use crate::avatar::Avatar;
 use crate::posed_avatar::PosedAvatar;
 use crate::reference::{TwinError, pose_avatar};
 use crate::scene::splat_model;
-use crate::scene_files::SplatScene;
+use crate::scene_files::{Antialiasing, SplatScene};
 use crate::template::GaussianShape;
 
 /// An avatar in one pose at a time, without a splatter.
@@ -63,7 +63,8 @@ impl PosedHand {
     /// # Errors
     /// As [`PosedHand::table`].
     pub fn splats(&self, gpu: &Gpu) -> Result<SplatScene, RenderError> {
-        let SplatModel { shape, antialias, .. } = self.model;
+        let SplatModel { shape, antialias, narrow, .. } = self.model;
+        let antialias = Antialiasing::of(antialias, narrow);
         Ok(SplatScene { antialias, ..SplatScene::of_hand(&self.table(gpu)?, shape) })
     }
 
@@ -73,8 +74,10 @@ impl PosedHand {
     /// [`TwinError`] if the pose does not fit the avatar.
     pub fn splats_on_host(avatar: &Avatar, pose: &Pose) -> Result<SplatScene, TwinError> {
         let table: Vec<f32> = pose_avatar(avatar, pose)?.table().into_iter().map(|value| value as f32).collect();
-        let shape = if avatar.config.gaussians == GaussianShape::Flat { Shape::Flat } else { Shape::Isotropic };
-        Ok(SplatScene { antialias: avatar.config.antialias, ..SplatScene::of_hand(&table, shape) })
+        let config = &avatar.config;
+        let shape = if config.gaussians == GaussianShape::Flat { Shape::Flat } else { Shape::Isotropic };
+        let antialias = Antialiasing::of(config.antialias, config.narrow_blur);
+        Ok(SplatScene { antialias, ..SplatScene::of_hand(&table, shape) })
     }
 
     /// Its properties in the pose.

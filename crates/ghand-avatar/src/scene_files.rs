@@ -44,6 +44,9 @@ pub enum PlyError {
     },
 }
 
+/// The comment on a `.ply` file's wide blur, after one that other programs read.
+const WIDE_COMMENT: &str = "blur: 0.3 square pixels";
+
 /// Maximum file size, bytes; the largest published scenes have about 1.5 GiB.
 const LARGEST_FILE: u64 = 1 << 32;
 
@@ -57,15 +60,39 @@ pub struct SplatScene {
     pub count: usize,
     /// The table of [`SplatModel::trained`] for this degree, ordered by [`SplatModel::index`].
     pub table: Vec<f32>,
-    /// Whether it was trained with antialiasing, so that it must be shown with it: a Gaussian smaller than a pixel becomes
-    /// fainter instead of larger.
-    pub antialias: bool,
+    /// The antialiasing that it was trained with, so that it must be shown with it.
+    pub antialias: Antialiasing,
+}
+
+/// What becomes of Gaussians smaller than a pixel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Antialiasing {
+    /// They are larger than they should be.
+    #[default]
+    Off,
+    /// They are fainter, blurred by 0.1 square pixels, as in Mip-Splatting.
+    Narrow,
+    /// They are fainter, blurred by 0.3 square pixels, as in gsplat.
+    Wide,
+}
+
+impl Antialiasing {
+    /// That of Gaussians that are antialiased with a narrow blur or not.
+    pub(crate) fn of(antialias: bool, narrow: bool) -> Antialiasing {
+        match (antialias, narrow) {
+            (false, _) => Antialiasing::Off,
+            (true, true) => Antialiasing::Narrow,
+            (true, false) => Antialiasing::Wide,
+        }
+    }
 }
 
 impl SplatScene {
     /// The model of the Gaussians.
     pub fn model(&self) -> SplatModel {
-        SplatModel { antialias: self.antialias, narrow: self.antialias, ..SplatModel::trained(self.degree) }
+        let antialias = self.antialias != Antialiasing::Off;
+        let narrow = self.antialias == Antialiasing::Narrow;
+        SplatModel { antialias, narrow, ..SplatModel::trained(self.degree) }
     }
 
     /// A row of the table, a number of each Gaussian.
@@ -206,8 +233,8 @@ impl Element {
 struct Header {
     ascii: bool,
     elements: Vec<Element>,
-    /// Whether its comments say that Gaussians are fainter, not larger, where they are smaller than a pixel.
-    antialias: bool,
+    /// What its comments say.
+    antialias: Antialiasing,
     /// Offset of the data, bytes.
     end: usize,
 }
@@ -232,7 +259,7 @@ fn header(bytes: &[u8]) -> Result<Header, Problem> {
         return problem("header", "does not begin with `ply`; give a 3D Gaussian Splatting .ply file");
     }
     let mut ascii = None;
-    let mut antialias = false;
+    let mut antialias = Antialiasing::Off;
     let mut elements = Vec::<Element>::new();
     loop {
         let words: Vec<String> = line()?.split_whitespace().map(String::from).collect();
@@ -272,13 +299,18 @@ fn header(bytes: &[u8]) -> Result<Header, Problem> {
     }
 }
 
-/// What a comment says of antialiasing: `SplatRenderMode: mip`, as Brush writes it, or `antialiased 1`, as Postshot does.
-fn said_antialias(comment: &[&str]) -> Option<bool> {
+/// What a comment says of antialiasing: `SplatRenderMode: mip`, as Brush writes it, or `antialiased 1`, as Postshot does;
+/// and [`WIDE_COMMENT`].
+fn said_antialias(comment: &[&str]) -> Option<Antialiasing> {
+    if comment.join(" ") == WIDE_COMMENT {
+        return Some(Antialiasing::Wide);
+    }
     let text = comment.join(" ").to_lowercase();
     let words: Vec<&str> = text.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty()).collect();
     match words[..] {
-        ["splatrendermode", mode] => Some(mode == "mip"),
-        ["antialiased", flag] => Some(matches!(flag, "1" | "true")),
+        ["splatrendermode", mode] => Some(if mode == "mip" { Antialiasing::Narrow } else { Antialiasing::Off }),
+        ["antialiased", "1" | "true"] => Some(Antialiasing::Narrow),
+        ["antialiased", _] => Some(Antialiasing::Off),
         _ => None,
     }
 }
@@ -445,7 +477,7 @@ mod tests {
     fn both_encodings_are_read_with_harmonics_ordered_by_basis_function() {
         for ascii in [false, true] {
             let (bytes, table) = file(ascii);
-            assert_eq!(parse(&bytes).unwrap(), SplatScene { degree: 1, count: 2, table, antialias: false });
+            assert_eq!(parse(&bytes).unwrap(), SplatScene { degree: 1, count: 2, table, antialias: Antialiasing::Off });
         }
         let scene = parse(&file(false).0).unwrap();
         assert_eq!(scene.table.len(), scene.model().rows() * scene.count);

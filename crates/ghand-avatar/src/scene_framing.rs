@@ -116,6 +116,8 @@ mod tests {
     use crate::{Avatar, AvatarConfig};
     use ghand_test_support::procedural_hand::ProceduralHand;
 
+    use crate::scene_files::Antialiasing;
+
     use super::*;
 
     /// The table of a hand's Gaussians, and additional `stray` ones: centre, logarithm of the size, logit.
@@ -135,7 +137,7 @@ mod tests {
         (0..4).for_each(|k| table.extend(row(&|_| if k == 0 { 1.0 } else { 0.0 })));
         table.extend(row(&|g| g.2));
         (0..3).for_each(|_| table.extend(row(&|_| 0.0)));
-        SplatScene { degree: 0, count: gaussians.len(), table, antialias: false }
+        SplatScene { degree: 0, count: gaussians.len(), table, antialias: Antialiasing::Off }
     }
 
     #[test]
@@ -177,7 +179,7 @@ mod tests {
     fn scenes_without_extent_get_cameras_too() {
         for gaussians in [0, 1] {
             let table = vec![0.0; 14 * gaussians];
-            let scene = SplatScene { degree: 0, count: gaussians, table, antialias: false };
+            let scene = SplatScene { degree: 0, count: gaussians, table, antialias: Antialiasing::Off };
             let cameras = scene_turntable(&scene, 2, "y".parse().unwrap(), [10, 10]);
             assert!(cameras.len() == 2 && cameras.iter().all(|c| c.center().is_finite() && c.focal.is_finite()));
         }

@@ -167,8 +167,10 @@ fn splatter(
     size: [u32; 2],
     has_gradient: bool,
 ) -> anyhow::Result<Splatter> {
-    let antialias = args.antialias || scene.antialias;
-    let model = SplatModel { antialias, narrow: antialias, ..scene.model() };
+    let mut model = scene.model();
+    if args.antialias && !model.antialias {
+        model = SplatModel { antialias: true, narrow: true, ..model };
+    }
     let (purpose, rows) =
         if has_gradient { (Purpose::Gradients, size[1]) } else { (Purpose::Images, band_rows(gpu, size)) };
     let splatter =

@@ -174,7 +174,7 @@ fn rotation(word: u32) -> [f64; 4] {
 
 #[cfg(test)]
 mod tests {
-    use super::super::parse_any;
+    use super::super::{Antialiasing, parse_any};
 
     /// A file of `count` Gaussians that are all alike, with these words and ranges of 0 to 2, -5 to -1 and 0 to 1.
     fn file(count: usize, words: [u32; 4], rest: usize, colors: bool, comment: &str) -> Vec<u8> {
@@ -210,7 +210,7 @@ mod tests {
     fn packed_numbers_are_those_of_the_ranges() {
         for (count, colors) in [(1, true), (300, false)] {
             let scene = parse_any(&file(count, words(), 0, colors, ""), "ply").unwrap();
-            assert_eq!((scene.count, scene.degree, scene.antialias), (count, 0, false));
+            assert_eq!((scene.count, scene.degree, scene.antialias), (count, 0, Antialiasing::Off));
             let at = |row: usize| f64::from(scene.row(row).last().unwrap());
             let expected = [2.0, 0.0, 1.0, -3.0, -3.0, -3.0, 0.707, 0.707, 0.0, 0.0, 1.386, 1.772, -1.772, 0.0];
             for (row, value) in expected.into_iter().enumerate() {
@@ -222,7 +222,7 @@ mod tests {
     #[test]
     fn harmonics_and_antialiasing_are_read() {
         let scene = parse_any(&file(2, words(), 9, true, "comment SplatRenderMode: mip\n"), "ply").unwrap();
-        assert!(scene.antialias && scene.degree == 1);
+        assert_eq!((scene.antialias, scene.degree), (Antialiasing::Narrow, 1));
         // Number 1 of the file is the second function of red.
         let rest: Vec<f32> = (14..23).map(|row| scene.row(row).next().unwrap()).collect();
         assert!(rest[3] == 4.0 && rest.iter().filter(|v| v.abs() < 0.02).count() == 8, "{rest:?}");

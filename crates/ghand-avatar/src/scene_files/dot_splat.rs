@@ -3,7 +3,7 @@
 
 use ghand_render::splat::SplatModel;
 
-use super::{Problem, SplatScene, dc_of, logit_of, problem};
+use super::{Antialiasing, Problem, SplatScene, dc_of, logit_of, problem};
 
 const STRIDE: usize = 32;
 
@@ -26,7 +26,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<SplatScene, Problem> {
         _ => dc_of(byte(i, row - 11) / 255.0),
     };
     let table = SplatModel::trained(0).table(count, |row, i| number(row, i) as f32);
-    Ok(SplatScene { degree: 0, count, table, antialias: false })
+    Ok(SplatScene { degree: 0, count, table, antialias: Antialiasing::Off })
 }
 
 #[cfg(test)]

@@ -11,7 +11,7 @@ use flate2::read::GzDecoder;
 use ghand_render::splat::SplatModel;
 use half::f16;
 
-use super::{Problem, SplatScene, logit_of, problem};
+use super::{Antialiasing, Problem, SplatScene, logit_of, problem};
 
 /// How a file begins.
 pub(super) const GZIP: &[u8] = &[0x1f, 0x8b];
@@ -84,7 +84,8 @@ pub(super) fn parse(bytes: &[u8]) -> Result<SplatScene, Problem> {
     let arrays = Arrays { version, fraction, positions, alphas, colors, scales, rotations, harmonics, rest };
     let degree = u32::from(degree);
     let table = SplatModel::trained(degree).table(count, |row, i| arrays.number(row, i) as f32);
-    Ok(SplatScene { degree, count, table, antialias: header[14] & ANTIALIASED != 0 })
+    let antialias = if header[14] & ANTIALIASED == 0 { Antialiasing::Off } else { Antialiasing::Narrow };
+    Ok(SplatScene { degree, count, table, antialias })
 }
 
 impl Arrays<'_> {
@@ -147,7 +148,7 @@ mod tests {
     use flate2::Compression;
     use flate2::write::GzEncoder;
 
-    use super::super::parse_any;
+    use super::super::{Antialiasing, parse_any};
 
     fn packed(data: &[u8]) -> Vec<u8> {
         let mut encoder = GzEncoder::new(vec![], Compression::fast());
@@ -179,7 +180,7 @@ mod tests {
     fn all_versions_give_the_scene_with_the_axes_of_a_ply() {
         for version in 1..=3 {
             let scene = parse_any(&packed(&file(version, 1, 1, 1)), "spz").unwrap();
-            assert!((scene.count, scene.degree, scene.antialias) == (1, 1, true), "{version}");
+            assert!((scene.count, scene.degree, scene.antialias) == (1, 1, Antialiasing::Narrow), "{version}");
             let expected = [1.0, -2.0, 3.0, -4.0, -4.0, -4.0, 0.707, 0.0, -0.707, 0.0, 1.386, 1.007, -1.007, 0.013];
             // The first function beyond is odd in y.
             let rest = [-0.5, -0.5, -0.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
@@ -188,7 +189,7 @@ mod tests {
                 assert!((found - value).abs() < 6e-3, "version {version}, row {row}: {found} instead of {value}");
             }
         }
-        assert!(!parse_any(&packed(&file(2, 1, 0, 2)), "spz").unwrap().antialias);
+        assert_eq!(parse_any(&packed(&file(2, 1, 0, 2)), "spz").unwrap().antialias, Antialiasing::Off);
     }
 
     #[test]

@@ -55,6 +55,8 @@ impl SplatScene {
 
 #[cfg(test)]
 mod tests {
+    use crate::scene_files::Antialiasing;
+
     use super::*;
 
     /// Gaussians on a line of this length with these scales and opacities.
@@ -67,7 +69,7 @@ mod tests {
             10 => opacity(i),
             _ => 0.0,
         });
-        SplatScene { degree: 0, count, table, antialias: false }
+        SplatScene { degree: 0, count, table, antialias: Antialiasing::Off }
     }
 
     #[test]

@@ -6,7 +6,7 @@ use ghand_files::atomic_file::write_atomically;
 use ghand_render::splat::{FLATNESS, Shape, SplatModel};
 use glam::{DQuat, DVec3};
 
-use super::{PlyError, SplatScene};
+use super::{Antialiasing, PlyError, SplatScene, WIDE_COMMENT};
 
 /// The exported opacity of an opaque Gaussian. Scenes store logits, and the logit of 1 is infinite; this value is so
 /// close to 1 that no 8-bit value of a picture changes by more than one.
@@ -55,11 +55,11 @@ impl SplatScene {
         let colors =
             (0..count).flat_map(|i| (0..3).map(move |channel| table[(hand.color_row() + channel) * count + i]));
         scene.extend(colors.map(|color| ((f64::from(color) - GREY) / SH_0) as f32));
-        SplatScene { degree: 0, count, table: scene, antialias: false }
+        SplatScene { degree: 0, count, table: scene, antialias: Antialiasing::Off }
     }
 
     /// The contents of a `.ply` file with this scene: binary, little-endian, with the same properties in the same order
-    /// as trainers of 3D Gaussian Splatting write, including normals (all zero). A comment says if the scene is antialiased.
+    /// as trainers of 3D Gaussian Splatting write, including normals (all zero). Comments say if the scene is antialiased.
     pub fn to_ply(&self) -> Vec<u8> {
         let model = self.model();
         let rest = model.color_bases() - 1;
@@ -82,7 +82,11 @@ impl SplatScene {
         properties.extend(named("scale", SplatModel::SCALE_ROW..rotation));
         properties.extend(named("rot", rotation..opacity));
 
-        let comment = if self.antialias { "comment SplatRenderMode: mip\n" } else { "" };
+        let comment = match self.antialias {
+            Antialiasing::Off => String::new(),
+            Antialiasing::Narrow => "comment SplatRenderMode: mip\n".into(),
+            Antialiasing::Wide => format!("comment SplatRenderMode: mip\ncomment {WIDE_COMMENT}\n"),
+        };
         let mut header = format!("ply\nformat binary_little_endian 1.0\n{comment}element vertex {}\n", self.count);
         properties.iter().for_each(|(name, _)| header.push_str(&format!("property float {name}\n")));
         header.push_str("end_header\n");
@@ -130,10 +134,11 @@ mod tests {
         for degree in 0..=3 {
             let count = 5;
             let table = (0..SplatModel::trained(degree).rows() * count).map(|k| (k as f32 * 0.37).sin()).collect();
-            let scene = SplatScene { degree, count, table, antialias: degree > 1 };
+            let antialias = [Antialiasing::Off, Antialiasing::Narrow, Antialiasing::Wide][degree.min(2) as usize];
+            let scene = SplatScene { degree, count, table, antialias };
             scene.write(&path).unwrap();
             let says = scene.to_ply().windows(20).any(|part| part == b"SplatRenderMode: mip");
-            assert_eq!(says, scene.antialias);
+            assert_eq!(says, antialias != Antialiasing::Off);
             assert_eq!(SplatScene::read(&path).unwrap(), scene);
         }
     }
@@ -141,7 +146,7 @@ mod tests {
     #[test]
     fn a_scene_padded_to_degree_3_has_62_numbers_a_gaussian_and_looks_the_same() {
         let table = (0..SplatModel::trained(0).rows() * 4).map(|k| (k as f32 * 0.31).cos()).collect();
-        let scene = SplatScene { degree: 0, count: 4, table, antialias: true };
+        let scene = SplatScene { degree: 0, count: 4, table, antialias: Antialiasing::Narrow };
         let padded = scene.with_degree(3);
         let ply = padded.to_ply();
         let text = String::from_utf8_lossy(&ply[..4000.min(ply.len())]).into_owned();
@@ -155,7 +160,7 @@ mod tests {
 
     #[test]
     fn the_properties_and_their_order_match_those_of_trainers() {
-        let scene = SplatScene { degree: 1, count: 0, table: vec![], antialias: false };
+        let scene = SplatScene { degree: 1, count: 0, table: vec![], antialias: Antialiasing::Off };
         let text = String::from_utf8(scene.to_ply()).unwrap();
         let names: Vec<&str> = text.lines().filter_map(|line| line.strip_prefix("property float ")).collect();
         let expected = "x y z nx ny nz f_dc_0 f_dc_1 f_dc_2 f_rest_0 f_rest_1 f_rest_2 f_rest_3 f_rest_4 f_rest_5 \

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use ghand_avatar::scene_files::SplatScene;
+use ghand_avatar::scene_files::{Antialiasing, SplatScene};
 
 /// Names of the stored numbers before the harmonics, in the order of the table.
 const ROWS: [&str; 14] = [
@@ -36,7 +36,10 @@ pub fn describe(path: &Path, scene: &SplatScene) -> String {
             format!("{:.4} to {:.4}, half of them below {:.4}", opacity.low, opacity.high, opacity.median),
         );
     }
-    row("antialiasing", if scene.antialias { "yes".into() } else { "the file does not say so".into() });
+    row(
+        "antialiasing",
+        if scene.antialias == Antialiasing::Off { "the file does not say so".into() } else { "yes".into() },
+    );
     let mut warnings = scene.suspicions();
     let not_finite: Vec<(&str, usize)> = (0..scene.model().rows())
         .map(|row| {

@@ -89,6 +89,8 @@ fn normalize(scene: &mut SplatScene, Bounds { middle, radius }: Bounds) -> bool 
 
 #[cfg(test)]
 pub(crate) mod tests {
+    use ghand_avatar::scene_files::Antialiasing;
+
     use super::*;
 
     /// Round, red Gaussians of this size with these opacities.
@@ -100,7 +102,7 @@ pub(crate) mod tests {
         table.extend(vec![0.0; 3 * count]);
         table.extend((0..count).map(|i| opacity_logits[i % opacity_logits.len()]));
         table.extend([1.5, -1.5, -1.5].repeat(count));
-        SplatScene { degree: 0, count, table, antialias: false }
+        SplatScene { degree: 0, count, table, antialias: Antialiasing::Off }
     }
 
     /// The corners and centres of a grid of edge 2 about `middle`, times `scale`.

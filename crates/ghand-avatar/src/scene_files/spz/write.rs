@@ -8,7 +8,7 @@ use flate2::write::GzEncoder;
 use ghand_files::atomic_file::write_atomically;
 
 use super::{ANTIALIASED, COLOR_SCALE, MAGIC, MOST, TURNED, turned};
-use crate::scene_files::{PlyError, SplatScene};
+use crate::scene_files::{Antialiasing, PlyError, SplatScene};
 
 const VERSION: u32 = 3;
 /// Most bits after a position's point: a hand is known to a thousandth of a millimetre.
@@ -43,7 +43,12 @@ impl SplatScene {
         data.extend(MAGIC);
         data.extend(VERSION.to_le_bytes());
         data.extend((self.count as u32).to_le_bytes());
-        data.extend([self.degree as u8, bits as u8, if self.antialias { ANTIALIASED } else { 0 }, 0]);
+        data.extend([
+            self.degree as u8,
+            bits as u8,
+            if self.antialias == Antialiasing::Off { 0 } else { ANTIALIASED },
+            0,
+        ]);
         let all = 0..self.count;
         for i in all.clone() {
             for axis in 0..3 {
@@ -128,7 +133,7 @@ mod tests {
             degree,
             count,
             table: SplatModel::trained(degree).table(count, value),
-            antialias: degree.is_multiple_of(2),
+            antialias: if degree.is_multiple_of(2) { Antialiasing::Narrow } else { Antialiasing::Off },
         }
     }
 
@@ -140,7 +145,7 @@ mod tests {
             let written = scene(degree, 300);
             written.write_spz(&path).unwrap();
             let read = SplatScene::read(&path).unwrap();
-            assert_eq!((read.count, read.degree, read.antialias), (300, degree, degree % 2 == 0));
+            assert_eq!((read.count, read.degree, read.antialias), (300, degree, written.antialias));
             let worst = |rows: std::ops::Range<usize>, change: &dyn Fn(f64) -> f64| {
                 rows.flat_map(|row| written.row(row).zip(read.row(row)).collect::<Vec<_>>())
                     .map(|(a, b)| (change(a.into()) - change(b.into())).abs())
