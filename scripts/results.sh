@@ -56,7 +56,7 @@ is_there() {
     [ -e "$1/metrics.json" ] && ! grep -q '"stopped_early": true' "$1/metrics.json"
 }
 
-# Trains an entry and evaluates it in aligned test poses. The exit code is that of the first program that fails.
+# Trains an entry and evaluates it in test poses aligned and fitted to masks. The exit code is that of the first program that fails.
 make_entry() {
     local name=$1 capture=$2 folder=$results/$1
     shift 2
@@ -73,15 +73,17 @@ make_entry() {
         say "$name: already in $folder"
     else
         say "$name: training"
-        rm -f "$folder/protocol-aligned/metrics.json"
+        rm -f "$folder"/protocol-*/metrics.json
         # Output goes to stderr: stdout is for the table alone.
         cargo run --quiet --bin train -- "${at[@]}" --out "$folder" --force "$@" >&2 || return
     fi
-    if ! is_there "$folder/protocol-aligned"; then
-        say "$name: protocol aligned"
-        cargo run --quiet --bin ghand -- evaluate "$folder/avatar.ghand" --capture "$made" --protocol aligned \
-            --out "$folder/protocol-aligned" --force >&2 || return
-    fi
+    local protocol
+    for protocol in aligned masks; do
+        if is_there "$folder/protocol-$protocol"; then continue; fi
+        say "$name: protocol $protocol"
+        cargo run --quiet --bin ghand -- evaluate "$folder/avatar.ghand" --capture "$made" --protocol $protocol \
+            --out "$folder/protocol-$protocol" --force >&2 || return
+    done
 }
 
 # One row from a metrics.json, which has one field per line; those of the floor are indented once more.
@@ -109,7 +111,7 @@ print_table() {
     echo "|---|---|---|---|---|---|---|---|---|---|"
     local name folder
     for name in $names; do
-        for folder in "$results/$name" "$results/$name/protocol-aligned"; do
+        for folder in "$results/$name" "$results/$name"/protocol-{aligned,masks}; do
             if is_there "$folder"; then print_row "$name" "$folder/metrics.json"; fi
         done
     done
