@@ -56,7 +56,8 @@ is_there() {
     [ -e "$1/metrics.json" ] && ! grep -q '"stopped_early": true' "$1/metrics.json"
 }
 
-# Trains an entry and evaluates it in test poses aligned and fitted to masks. The exit code is that of the first program that fails.
+# Trains an entry and evaluates it in test poses that are aligned, and that are fitted to masks. The exit code is that of the
+# first program that fails.
 make_entry() {
     local name=$1 capture=$2 folder=$results/$1
     shift 2
