@@ -1,7 +1,8 @@
 //! Where a lamp near the hand stands: the place from which its light explains most of what frames show.
 //!
 //! A lamp has four unknowns besides its strength: two angles, how far away it is, and its size. They are searched for one
-//! by one, on a part of the texels and frames, in green, with light from few directions beside it.
+//! by one, on a part of the texels and frames, in green, with light from few directions beside it. The search starts from
+//! the best of many places all around, since it ends in the nearest of many minima.
 
 use ghand_avatar::light::{IrradianceParts, Lamp, Lamps};
 use ghand_core::HandModel;
@@ -22,9 +23,13 @@ const MOST_FRAMES: usize = 20;
 const GREEN: usize = 1;
 /// Directions of the light beside the lamp while its place is searched for.
 const GROUPS: usize = 16;
-/// The first guess: a lamp of this size, as a part of its distance, this far away, metres.
-const FIRST_SIZE: f64 = 0.1;
-const FIRST_DISTANCE: f64 = 20.0;
+/// A far start, in the brightest direction: a lamp of this size, as a part of its distance, this far away, metres.
+const FAR_SIZE: f64 = 0.1;
+const FAR_DISTANCE: f64 = 20.0;
+/// Near starts: so many directions, these distances as multiples of the least one, and the size.
+const NEAR_DIRECTIONS: usize = 32;
+const NEAR_DISTANCES: [f64; 2] = [2.0, 8.0];
+const NEAR_SIZE: f64 = 0.3;
 /// The first steps: radians, 1 / metres, and parts of the distance.
 const FIRST_STEPS: [f64; 4] = [0.1, 0.1, 0.5, 0.08];
 /// Rounds of one step for each unknown; after the first ones, steps are halved.
@@ -56,11 +61,6 @@ impl LampSearch<'_> {
         let texels = self.seen.some_texels();
         let used = evenly(self.used, MOST_FRAMES, 0);
         let base: Vec<Parts> = used.par_iter().map(|f| self.grouped(&self.frames[*f], known)).collect();
-        let (across, other) = towards.any_orthonormal_pair();
-        let lamp = |[a, b, nearness, size]: [f64; 4]| {
-            let towards = (towards + across * a + other * b).normalize();
-            Lamp { offset: towards / nearness, radius: size / nearness, radiance: [1.0; 3] }
-        };
         let lamps = known.lamps.len() + 1;
         let groups = group_of_directions();
         let size = |group| groups.iter().filter(|g| **g == group).count() as f64;
@@ -88,8 +88,10 @@ impl LampSearch<'_> {
             let fit = fit_channel(&unknowns, &frames, self.seen.samples.len(), GREEN, 0.0);
             Some(squared_error_of(&frames, &fit, GREEN))
         };
-        let mut best = [0.0, 0.0, 1.0 / FIRST_DISTANCE, FIRST_SIZE];
-        let mut least = error(lamp(best))?;
+        let starts = starts(towards, known.reach + NEAREST);
+        let judged =
+            starts.into_iter().filter_map(|(towards, start)| Some((error(lamp(towards, start))?, towards, start)));
+        let (mut least, towards, mut best) = judged.min_by(|(a, ..), (b, ..)| a.total_cmp(b))?;
         let mut steps = FIRST_STEPS;
         for round in 0..ROUNDS {
             for i in 0..best.len() {
@@ -99,7 +101,7 @@ impl LampSearch<'_> {
                     if !(1.0 / FURTHEST..1.0 / NEAREST).contains(&next[2]) || !(0.0..LARGEST_SIZE).contains(&next[3]) {
                         continue;
                     }
-                    if let Some(error) = error(lamp(next)).filter(|error| *error < least) {
+                    if let Some(error) = error(lamp(towards, next)).filter(|error| *error < least) {
                         (best, least) = (next, error);
                         break;
                     }
@@ -110,7 +112,7 @@ impl LampSearch<'_> {
             }
         }
         let mut found = known.clone();
-        found.lamps.push(lamp(best));
+        found.lamps.push(lamp(towards, best));
         Some(found)
     }
 
@@ -129,6 +131,23 @@ impl LampSearch<'_> {
         }
         Parts { mean: direct.row_mean(), direct, closed: all.closed }
     }
+}
+
+/// A lamp near a direction, from its unknowns.
+fn lamp(towards: DVec3, [a, b, nearness, size]: [f64; 4]) -> Lamp {
+    let (across, other) = towards.any_orthonormal_pair();
+    let towards = (towards + across * a + other * b).normalize();
+    Lamp { offset: towards / nearness, radius: size / nearness, radiance: [1.0; 3] }
+}
+
+/// Where the search for a lamp may start: directions and unknowns, far away in the brightest direction and near all around.
+fn starts(brightest: DVec3, least_distance: f64) -> Vec<(DVec3, [f64; 4])> {
+    let near = |k: usize| {
+        let towards = spiral_direction(k, NEAR_DIRECTIONS);
+        NEAR_DISTANCES.map(|distance| (towards, [0.0, 0.0, 1.0 / (distance * least_distance), NEAR_SIZE]))
+    };
+    let far = (brightest, [0.0, 0.0, 1.0 / FAR_DISTANCE, FAR_SIZE]);
+    (0..NEAR_DIRECTIONS).flat_map(near).chain([far]).collect()
 }
 
 /// The lamps' place and reach in some frames, without lamps.

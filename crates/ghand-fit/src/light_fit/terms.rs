@@ -21,7 +21,7 @@ const WORTHWHILE: f64 = 0.9;
 /// Light from all directions must reduce that of few lamps to less than this fraction.
 const BETTER_THAN_LAMPS: f64 = 0.95;
 /// A lamp near the hand must reduce the error of distant light to less than this fraction.
-const WORTHWHILE_LAMP: f64 = 0.98;
+const WORTHWHILE_LAMP: f64 = 0.99;
 /// Most lamps near the hand.
 const MOST_LAMPS: usize = 2;
 /// Light that skin throws on skin must reduce the error without it to less than this fraction.
