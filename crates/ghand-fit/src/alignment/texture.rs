@@ -6,8 +6,8 @@
 //! (`agreement.rs`).
 //!
 //! The texture of some images of each frame takes no part; with one or two images a frame, that of some patches of skin. If
-//! these, of all frames together, are not explained better than by the poses before, nothing is refined; and frames of which
-//! they are explained clearly worse keep their poses.
+//! these, of all frames together, are not explained clearly better than by the poses before, nothing is refined; and frames of
+//! which they are explained clearly worse keep their poses.
 
 pub(super) mod agreement;
 mod bands;
@@ -39,6 +39,8 @@ const STAGES: [(Band, bool); 4] = [(Band::Coarse, true), (Band::Fine, true), (Ba
 const HELD_OUT: usize = 4;
 /// A frame with fewer images holds out patches.
 const LEAST_IMAGES: usize = 3;
+/// Errors of what is held out differ if they do by this many standard errors.
+const SIGNIFICANT: f64 = 2.0;
 
 /// How a refinement by texture went.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -107,7 +109,7 @@ pub(super) fn refine(
     let (mut poses, variance_factors) = refiner.refined(&frames, is_free, after_step)?;
     let judged = refiner.judge(&frames, &poses)?;
     let sum = |part: &dyn Fn(&HeldOut) -> f64| judged.iter().map(part).sum::<f64>();
-    let is_better = sum(&|of_frame| of_frame.errors[1] - of_frame.errors[0]) < 0.0;
+    let is_better = sum(&|of_frame| of_frame.increase()) < -SIGNIFICANT * sum(&|of_frame| of_frame.variance()).sqrt();
     let is_refined = |of_frame: &HeldOut| is_better && !of_frame.is_worse();
     let mut refined = vec![];
     let mut kept = vec![];
@@ -317,11 +319,18 @@ impl HeldOut {
         sum
     }
 
-    /// Whether the second pose's errors are larger, by more than two standard errors: the points of a patch err alike,
-    /// patches independently.
+    /// How much larger the second pose's errors are.
+    fn increase(&self) -> f64 {
+        self.errors[1] - self.errors[0]
+    }
+
+    /// The variance of that, were it an accident: the points of a patch err alike, patches independently.
+    fn variance(&self) -> f64 {
+        self.increases.values().map(|increase| increase.powi(2)).sum()
+    }
+
     fn is_worse(&self) -> bool {
-        let variance: f64 = self.increases.values().map(|increase| increase.powi(2)).sum();
-        self.errors[1] - self.errors[0] > 2.0 * variance.sqrt()
+        self.increase() > SIGNIFICANT * self.variance().sqrt()
     }
 }
 
