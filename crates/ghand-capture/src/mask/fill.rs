@@ -9,8 +9,32 @@ const NEAR: f64 = 1e-3;
 /// Whether each pixel's centre, row-major, is inside the image of a triangle, edges included. `faces` are indices into
 /// `points` (world, metres); a triangle with an index beyond them is skipped.
 pub fn covered_pixels(camera: &Camera, points: &[DVec3], faces: &[[u32; 3]]) -> Vec<bool> {
+    let mut open = vec![true; camera.width as usize * camera.height as usize];
+    cover(camera, points, faces, &mut open);
+    open.into_iter().map(|is_open| !is_open).collect()
+}
+
+/// As [`covered_pixels`], the other way round and of some pixels only, which is faster: whether each pixel is one of `pixels`
+/// (row-major numbers; those beyond the image are skipped) that no triangle covers.
+pub fn open_pixels(
+    camera: &Camera,
+    points: &[DVec3],
+    faces: &[[u32; 3]],
+    pixels: impl IntoIterator<Item = usize>,
+) -> Vec<bool> {
+    let mut open = vec![false; camera.width as usize * camera.height as usize];
+    for pixel in pixels {
+        if let Some(is_open) = open.get_mut(pixel) {
+            *is_open = true;
+        }
+    }
+    cover(camera, points, faces, &mut open);
+    open
+}
+
+/// Closes the open pixels that triangles cover.
+fn cover(camera: &Camera, points: &[DVec3], faces: &[[u32; 3]], open: &mut [bool]) {
     let (width, height) = (camera.width as usize, camera.height as usize);
-    let mut inside = vec![false; width * height];
     let projected: Vec<Option<DVec2>> = points
         .iter()
         .map(|p| {
@@ -32,21 +56,16 @@ pub fn covered_pixels(camera: &Camera, points: &[DVec3], faces: &[[u32; 3]]) -> 
             let bound = |v: f64| v.clamp(0.0, size as f64) as usize;
             bound((low - 0.5).ceil())..bound((high - 0.5).floor() + 1.0)
         };
+        let columns = range(low.x, high.x, width);
         for y in range(low.y, high.y, height) {
-            for x in range(low.x, high.x, width) {
+            let Some(row) = open.get_mut(y * width + columns.start..y * width + columns.end) else { continue };
+            for (x, is_open) in columns.clone().zip(row).filter(|(_, is_open)| **is_open) {
                 let p = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
                 let side = |from: DVec2, to: DVec2| (to - from).perp_dot(p - from) * area >= 0.0;
-                if side(a, b)
-                    && side(b, c)
-                    && side(c, a)
-                    && let Some(pixel) = inside.get_mut(y * width + x)
-                {
-                    *pixel = true;
-                }
+                *is_open = !(side(a, b) && side(b, c) && side(c, a));
             }
         }
     }
-    inside
 }
 
 #[cfg(test)]
@@ -62,6 +81,9 @@ mod tests {
     fn filled(points: &[[f64; 3]], faces: &[[u32; 3]]) -> Vec<String> {
         let points: Vec<DVec3> = points.iter().map(|p| DVec3::from(*p)).collect();
         let mask = covered_pixels(&camera(6, 4), &points, faces);
+        let some = (0..24).step_by(3).chain([99]);
+        let open = open_pixels(&camera(6, 4), &points, faces, some);
+        assert!((0..24).all(|pixel| open[pixel] == (pixel.is_multiple_of(3) && !mask[pixel])));
         mask.chunks(6).map(|row| row.iter().map(|i| if *i { '#' } else { '.' }).collect()).collect()
     }
 

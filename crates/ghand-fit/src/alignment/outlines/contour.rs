@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use ghand_capture::mask::covered_pixels;
+use ghand_capture::mask::open_pixels;
 use ghand_core::{Camera, HandModel};
 use ghand_hand_model::surface::arm_end::{ArmEnd, ArmEndInImage};
 use glam::{DVec2, DVec3};
@@ -90,12 +90,8 @@ impl Edges {
             .collect();
         let front: Vec<[u32; 3]> =
             self.triangles.iter().zip(&is_front).filter(|(_, front)| **front).map(|(t, _)| *t).collect();
-        let covered = covered_pixels(camera, positions, &front);
-        let is_covered = |pixel: DVec2| {
-            let clamp = |v: f64, size: u32| v.clamp(0.0, f64::from(size - 1)) as usize;
-            covered[clamp(pixel.y, camera.height) * camera.width as usize + clamp(pixel.x, camera.width)]
-        };
         let arm = self.arm_end(positions, camera);
+        // Each with the pixel that must be free.
         let point = |&([a, b], [first, second]): &([u32; 2], [u32; 2])| {
             if is_front[first as usize] == is_front[second as usize] || self.is_arm_end(a) || self.is_arm_end(b) {
                 return None;
@@ -110,7 +106,7 @@ impl Edges {
             let normal = if across.dot(outwards.truncate()) < 0.0 { -across } else { across };
             let middle = 0.5 * (p + q);
             let outside = middle + OUTSIDE * normal;
-            if length < LENGTHS[0] || is_covered(outside) || arm.is_some_and(|arm| arm.may_be_arm(outside)) {
+            if length < LENGTHS[0] || arm.is_some_and(|arm| arm.may_be_arm(outside)) {
                 return None;
             }
             let (residual, slope) = field.at(middle)?;
@@ -122,8 +118,17 @@ impl Edges {
             let [x, y] = (slope * camera.focal / at.z).to_array();
             let gradient = camera.rotation.transpose() * DVec3::new(x, y, -(x * at.x + y * at.y) / at.z);
             let length = length.min(LENGTHS[1]);
-            Some(ContourPoint { edge: [a, b], residual, gradient, slope, in_camera: at, length })
+            let point = ContourPoint { edge: [a, b], residual, gradient, slope, in_camera: at, length };
+            Some((pixel_at(outside, camera), point))
         };
-        self.edges.iter().filter_map(point).collect()
+        let points: Vec<(usize, ContourPoint)> = self.edges.iter().filter_map(point).collect();
+        let open = open_pixels(camera, positions, &front, points.iter().map(|(pixel, _)| *pixel));
+        points.into_iter().filter(|(pixel, _)| open[*pixel]).map(|(_, point)| point).collect()
     }
+}
+
+/// Number of the pixel at a point of an image, or of the nearest one.
+fn pixel_at(point: DVec2, camera: &Camera) -> usize {
+    let clamp = |v: f64, size: u32| v.clamp(0.0, f64::from(size - 1)) as usize;
+    clamp(point.y, camera.height) * camera.width as usize + clamp(point.x, camera.width)
 }
