@@ -29,6 +29,7 @@ use ghand_capture::{Capture, CaptureError, Split, SplitView};
 use ghand_core::posing::pose_hand;
 use ghand_core::rotation::{axis_angle_from_rotation, rotation_from_axis_angle};
 use ghand_core::{Camera, HandModel, InvalidHandModel, Pose};
+use ghand_hand_model::surface::smooth::smoothed;
 use nalgebra::{Cholesky, DMatrix, DVector};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -66,6 +67,9 @@ const FURTHER_CALIBRATIONS: usize = 2;
 
 /// The same, where only landmarks tell where cameras are.
 const ROUGH_CALIBRATIONS: usize = 8;
+
+/// Outlines of a mesh of fewer triangles are clearly polygons: contours are those of a smoother one.
+const ROUND_FACES: usize = 5000;
 
 /// Newton steps to the likeliest pose without images.
 const PRIOR_STEPS: usize = 4;
@@ -293,7 +297,9 @@ enum Shape {
 
 /// The state of an alignment.
 struct Fit<'a> {
-    proportions: Proportions<'a>,
+    template: &'a HandModel,
+    /// Of the template with round outlines.
+    proportions: Proportions,
     edges: Edges,
     moving: Vec<usize>,
     carries: Vec<Vec<bool>>,
@@ -318,14 +324,16 @@ impl<'a> Fit<'a> {
             }
         };
         let carries = (0..joints).map(|k| (0..joints).map(|j| is_above(k, j)).collect()).collect();
-        let proportions = Proportions::new(template);
+        let is_coarse = template.faces.len() < ROUND_FACES;
+        let proportions = Proportions::new(if is_coarse { smoothed(template) } else { template.clone() });
         let parameters = match shape {
             Shape::Known => 0,
             Shape::OfModel => template.shape_count(),
             Shape::Unknown => proportions.parameter_count(),
         };
         Fit {
-            edges: Edges::of(template),
+            template,
+            edges: Edges::of(proportions.template()),
             priors: Priors::new(template, &moving, given.len()),
             shape: vec![0.0; parameters],
             poses,
@@ -397,6 +405,21 @@ impl<'a> Fit<'a> {
             true => Ok(Shaped::fixed(self.proportions.template())),
             false => self.proportions.shaped(&self.shape),
         }
+    }
+
+    /// The template in its shape, without the vertices that round its outlines off.
+    fn shaped_template(&self) -> Result<HandModel, InvalidHandModel> {
+        let fine = self.shaped()?.model;
+        let vertices = fine.vertices[..self.template.vertices.len()].to_vec();
+        let joints = fine.joints;
+        let mut shaped = HandModel { vertices, joints, ..self.template.clone() };
+        if !self.shape.is_empty() {
+            shaped.shape_directions.clear();
+            shaped.shape_names.clear();
+            shaped.joint_directions.clear();
+            shaped.joint_regressor.clear();
+        }
+        Ok(shaped)
     }
 
     fn equations(&self, images: &[Images], huber: f64) -> Result<Vec<FrameEquations>, InvalidHandModel> {
@@ -494,8 +517,8 @@ impl<'a> Fit<'a> {
         let mut kept: Vec<usize> = (0..images.len()).filter(|k| given_overlaps[*k] > overlaps[*k]).collect();
         kept.iter().for_each(|k| self.poses[*k] = given[*k].clone());
         let mut aligned_fit = self.fit_of(&template, &self.poses[..frames], &images[..frames])?.0;
-        let is_other_hand = is_other_hand(self.proportions.template(), &self.given, images)?;
-        let rejection = rejection([given_fit, aligned_fit], self.proportions.template(), &template, is_other_hand);
+        let is_other_hand = is_other_hand(self.template, &self.given, images)?;
+        let rejection = rejection([given_fit, aligned_fit], self.template, &template, is_other_hand);
         let mut texture = None;
         if rejection.is_none() {
             let is_usable = |k: usize| k < frames && !images[k].is_empty() && !kept.contains(&k);
@@ -513,11 +536,12 @@ impl<'a> Fit<'a> {
         let fit = [given_fit, aligned_fit];
         let prior_poses = self.given[..frames].iter().map(|given| self.prior_pose(given)).collect();
         let seconds = start.elapsed().as_secs_f64();
+        let template = self.shaped_template()?;
         let knowledge = Some(PoseKnowledge { moving: self.moving, priors: self.priors });
         let (mut poses, template, rejected) = match rejection {
             Some(_) => {
                 self.poses.truncate(frames);
-                let own = self.proportions.template().clone();
+                let own = self.template.clone();
                 (std::mem::take(&mut given), own, Some(Box::new((self.poses, template))))
             }
             None => (self.poses, template, None),

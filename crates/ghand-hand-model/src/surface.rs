@@ -2,6 +2,7 @@
 
 pub mod arm_end;
 mod merged;
+pub mod smooth;
 pub mod uv_atlas;
 
 use ghand_core::HandModel;

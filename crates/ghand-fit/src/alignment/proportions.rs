@@ -10,8 +10,8 @@ pub const BONE_DEVIATION: f64 = 0.03;
 pub const SHAPE_DEVIATION: f64 = 1.0;
 
 /// A template that can change its shape.
-pub struct Proportions<'a> {
-    model: &'a HandModel,
+pub struct Proportions {
+    model: HandModel,
     /// Direction of the bone that a joint carries; none for a joint with several children.
     bones: Vec<Option<DVec3>>,
 }
@@ -33,8 +33,8 @@ impl Shaped {
     }
 }
 
-impl<'a> Proportions<'a> {
-    pub fn new(model: &'a HandModel) -> Proportions<'a> {
+impl Proportions {
+    pub fn new(model: HandModel) -> Proportions {
         let bone = |k: usize| {
             let mut children = (0..model.joint_count()).filter(|child| model.parents[*child] == Some(k));
             let direction = match (children.next(), children.next(), model.parents[k]) {
@@ -44,12 +44,13 @@ impl<'a> Proportions<'a> {
             };
             direction.try_normalize()
         };
-        Proportions { model, bones: (0..model.joint_count()).map(bone).collect() }
+        let bones = (0..model.joint_count()).map(bone).collect();
+        Proportions { model, bones }
     }
 
     /// The template as it came.
-    pub fn template(&self) -> &'a HandModel {
-        self.model
+    pub fn template(&self) -> &HandModel {
+        &self.model
     }
 
     /// Number of parameters: the model's own, then logarithms of length and thickness of each joint's bone.
@@ -69,7 +70,7 @@ impl<'a> Proportions<'a> {
     pub fn shaped(&self, parameters: &[f64]) -> Result<Shaped, InvalidHandModel> {
         let (own, bones) = parameters.split_at(self.model.shape_count());
         let bone = |parameter: usize| bones.get(parameter).map_or(1.0, |logarithm| logarithm.exp());
-        let model = self.model;
+        let model = &self.model;
         let hand = shape_hand(model, own)?;
         // How each bone stretches: by its length along it, by its thickness across.
         let stretch: Vec<DMat3> = (0..model.joint_count())
@@ -156,7 +157,7 @@ mod tests {
     #[test]
     fn derivatives_are_those_of_the_shape() {
         let model = builtin_hand(Side::Right).unwrap();
-        let proportions = Proportions::new(&model);
+        let proportions = Proportions::new(model.clone());
         let parameters: Vec<f64> =
             (0..proportions.parameter_count()).map(|k| 0.5 * proportions.deviation(k) * (k as f64).sin()).collect();
         let shaped = proportions.shaped(&parameters).unwrap();

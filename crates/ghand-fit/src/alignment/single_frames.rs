@@ -4,9 +4,7 @@ use ghand_capture::{Capture, CaptureError, Split};
 use ghand_core::{HandModel, Pose};
 use rayon::prelude::*;
 
-use super::{
-    AlignmentError, DistanceField, FIRST_STEPS, Fit, Images, Priors, STEPS, Shape, Shaped, images_of_frames, joined,
-};
+use super::{AlignmentError, DistanceField, FIRST_STEPS, Fit, Images, Priors, STEPS, Shape, images_of_frames, joined};
 
 /// A frame and the images that its pose is fitted to.
 #[derive(Debug, Clone, PartialEq)]
@@ -70,7 +68,7 @@ pub fn align_single_frames(
     };
     let fields: Vec<Vec<Option<DistanceField>>> = frames.par_iter().map(fields).collect::<Result<_, _>>()?;
     let mut fit = Fit::new(template, frames.iter().map(|frame| &frame.pose).collect(), Shape::Known);
-    let shaped = Shaped::fixed(template);
+    let shaped = fit.shaped()?;
     // The joints that move are those of the frames where the knowledge comes from.
     match known.cloned() {
         Some(PoseKnowledge { moving, priors }) => (fit.moving, fit.priors) = (moving, priors),

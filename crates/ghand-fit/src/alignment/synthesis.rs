@@ -123,10 +123,11 @@ pub fn refine_by_synthesis(
     let start = Instant::now();
     let mut fit = Fit::new(problem.template, problem.given.clone(), Shape::Known);
     fit.poses = poses.to_vec();
+    let shaped = fit.shaped()?;
     let mut refiner = Refiner {
         roles: Roles::of_frames(&problem.frames, poses.len()),
-        patches: patches(problem.template),
-        shaped: Shaped::fixed(problem.template),
+        patches: patches(&shaped.model),
+        shaped,
         problem,
         fit,
     };

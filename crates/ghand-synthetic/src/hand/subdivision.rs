@@ -5,6 +5,7 @@ use std::collections::HashMap;
 use std::f64::consts::TAU;
 
 use ghand_core::HandModel;
+use ghand_hand_model::surface::smooth::split;
 use glam::DVec3;
 
 /// The two triangles at an edge at most, and the edge's own vertex.
@@ -73,16 +74,6 @@ fn edges(faces: &[[u32; 3]], vertices: usize) -> Vec<Edge> {
         }
     }
     edges
-}
-
-/// Divides each triangle into four, using the vertices on its edges.
-fn split(faces: &[[u32; 3]], mut middle: impl FnMut(u32, u32) -> u32) -> Vec<[u32; 3]> {
-    let mut fine = Vec::with_capacity(4 * faces.len());
-    for &[a, b, c] in faces {
-        let (ab, bc, ca) = (middle(a, b), middle(b, c), middle(c, a));
-        fine.extend([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]);
-    }
-    fine
 }
 
 /// Composition of each new vertex: old vertices and their weights, which sum to one.

@@ -116,9 +116,8 @@ pub fn review(given_capture: &Capture, whole: &Split) -> Result<Option<Review>, 
         return Ok(review(given_capture, &others)?.map(merged));
     }
     let time_offsets = fit.time_offsets(capture, &split, &images)?;
-    let template = fit.shaped()?.model;
-    let own: Vec<Pose> = given.iter().map(|pose| (*pose).clone()).collect();
-    let fits = [fit.fit_of(&capture.template, &own, &images)?.0, fit.fit_of(&template, &fit.poses, &images)?.0];
+    let template = fit.shaped_template()?;
+    let fits = [fit.fit_as_given(&images)?, fit.fit_of(&fit.shaped()?.model, &fit.poses, &images)?.0];
     let is_other = is_other_hand(&capture.template, &given, &images)?;
     let lengths = bone_lengths(&template).into_iter().zip(bone_lengths(&capture.template));
     let pairs = || fit.poses.iter().zip(&given).zip(&images).filter(|(_, images)| !images.is_empty()).map(|(p, _)| p);

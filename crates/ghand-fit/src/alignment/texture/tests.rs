@@ -4,6 +4,7 @@ use ghand_capture::View;
 use ghand_core::rotation::{axis_angle_from_rotation, rotation_from_axis_angle};
 use ghand_core::{Camera, HandModel, Side};
 use ghand_hand_model::builtin::builtin_hand;
+use ghand_hand_model::surface::smooth::smoothed;
 use ghand_render::mesh::{MeshInstance, MeshStyle, Shading, Surface};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -61,19 +62,21 @@ impl Scene {
             pose.translation += 0.0008 * DVec3::new(random(), random(), random());
             given.push(pose);
         }
-        let colors: Vec<DVec3> = template.vertices.iter().map(|_| DVec3::splat(0.6 + 0.5 * random())).collect();
+        // Outlines of hands are round.
+        let round = smoothed(&template);
+        let colors: Vec<DVec3> = round.vertices.iter().map(|_| DVec3::splat(0.6 + 0.5 * random())).collect();
         let style = MeshStyle { supersample: 2, shading: Shading::Unlit, wireframe: None };
         let mut contrasts = vec![];
         let mut masks = vec![];
         for pose in &truth {
-            let positions = pose_hand(&template, &[], pose).unwrap().vertices;
-            let normals = template.vertex_normals(&positions);
+            let positions = pose_hand(&round, &[], pose).unwrap().vertices;
+            let normals = round.vertex_normals(&positions);
             let views = cameras.iter().map(|camera| {
                 let mesh = MeshInstance {
                     positions: &positions,
                     normals: &normals,
                     light_visibility: None,
-                    triangles: &template.faces,
+                    triangles: &round.faces,
                     surface: Surface::VertexColors(&colors),
                 };
                 let image = ghand_render::reference::mesh::render(&mesh, camera, &style).unwrap();
