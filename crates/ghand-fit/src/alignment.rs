@@ -224,7 +224,7 @@ pub fn refine_rough_cameras(
     let fields = DistanceField::of_views(capture, &split.views)?;
     let views = views_of_frames(split, &fields);
     let given: Vec<&Pose> = split.frames.iter().map(|frame| &capture.frames[*frame].pose).collect();
-    let mut fit = Fit::new(&capture.template, given, Shape::Unknown);
+    let mut fit = Fit::with_own_outlines(&capture.template, given, Shape::Unknown);
     fit.follow_contours(&images_of_frames(&capture.cameras, split, &fields), &mut |_, _, _| true)?;
     let mut changes = vec![[0.0; cameras::unknowns::NUMBERS]; capture.cameras.len()];
     let mut refined = capture.cameras.clone();
@@ -298,7 +298,7 @@ enum Shape {
 /// The state of an alignment.
 struct Fit<'a> {
     template: &'a HandModel,
-    /// Of the template with round outlines.
+    /// Of the template, as a rule with rounder outlines.
     proportions: Proportions,
     edges: Edges,
     moving: Vec<usize>,
@@ -312,6 +312,16 @@ struct Fit<'a> {
 
 impl<'a> Fit<'a> {
     fn new(template: &'a HandModel, given: Vec<&'a Pose>, shape: Shape) -> Fit<'a> {
+        let is_coarse = template.faces.len() < ROUND_FACES;
+        Fit::with_outlines_of(if is_coarse { smoothed(template) } else { template.clone() }, template, given, shape)
+    }
+
+    /// With the template's own outlines: those of imports, where round ones brought neither cameras nor hands nearer.
+    fn with_own_outlines(template: &'a HandModel, given: Vec<&'a Pose>, shape: Shape) -> Fit<'a> {
+        Fit::with_outlines_of(template.clone(), template, given, shape)
+    }
+
+    fn with_outlines_of(mesh: HandModel, template: &'a HandModel, given: Vec<&'a Pose>, shape: Shape) -> Fit<'a> {
         let joints = template.joint_count();
         let poses: Vec<Pose> = given.iter().map(|pose| (*pose).clone()).collect();
         let moves = moving_joints(&poses);
@@ -324,8 +334,7 @@ impl<'a> Fit<'a> {
             }
         };
         let carries = (0..joints).map(|k| (0..joints).map(|j| is_above(k, j)).collect()).collect();
-        let is_coarse = template.faces.len() < ROUND_FACES;
-        let proportions = Proportions::new(if is_coarse { smoothed(template) } else { template.clone() });
+        let proportions = Proportions::new(mesh);
         let parameters = match shape {
             Shape::Known => 0,
             Shape::OfModel => template.shape_count(),

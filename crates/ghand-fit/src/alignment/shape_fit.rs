@@ -36,7 +36,7 @@ pub fn fit_shape(capture: &Capture, splits: &[&Split]) -> Result<ShapeFit, Align
     let fields = DistanceField::of_views(capture, &split.views)?;
     let images = images_of_frames(&capture.cameras, split, &fields);
     let given: Vec<&Pose> = split.frames.iter().map(|frame| &capture.frames[*frame].pose).collect();
-    let mut fit = Fit::new(&capture.template, given, Shape::OfModel);
+    let mut fit = Fit::with_own_outlines(&capture.template, given, Shape::OfModel);
     fit.follow_contours(&images, &mut |_, _, _| true)?;
     fit.follow_mask_ends(&images)?;
     let given_fit = fit.fit_as_given(&images)?;
