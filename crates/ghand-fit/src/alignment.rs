@@ -29,6 +29,7 @@ use ghand_capture::{Capture, CaptureError, Split, SplitView};
 use ghand_core::posing::pose_hand;
 use ghand_core::rotation::{axis_angle_from_rotation, rotation_from_axis_angle};
 use ghand_core::{Camera, HandModel, InvalidHandModel, Pose};
+use ghand_hand_model::pose_correctives::with_turned_skin;
 use ghand_hand_model::surface::smooth::smoothed;
 use nalgebra::{Cholesky, DMatrix, DVector};
 use rayon::prelude::*;
@@ -312,8 +313,9 @@ struct Fit<'a> {
 
 impl<'a> Fit<'a> {
     fn new(template: &'a HandModel, given: Vec<&'a Pose>, shape: Shape) -> Fit<'a> {
+        let corrected = with_turned_skin(template);
         let is_coarse = template.faces.len() < ROUND_FACES;
-        Fit::with_outlines_of(if is_coarse { smoothed(template) } else { template.clone() }, template, given, shape)
+        Fit::with_outlines_of(if is_coarse { smoothed(&corrected) } else { corrected }, template, given, shape)
     }
 
     /// With the template's own outlines: those of imports, where round ones brought neither cameras nor hands nearer.

@@ -12,7 +12,7 @@ use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
 use crate::cholesky::solve;
-pub use of_model::fit_pose_directions;
+pub use of_model::{fit_pose_directions, with_turned_skin};
 
 /// Rotation features of a joint.
 const FEATURES: usize = 9;
@@ -60,6 +60,17 @@ struct Bend {
     radius: f64,
     /// What the bend is of.
     kind: BendKind,
+    /// What its skin does.
+    skin: Skin,
+}
+
+/// What skin does at a bent joint.
+#[derive(Clone, Copy, PartialEq)]
+pub enum Skin {
+    /// It turns by a part of the joint's angle, about as dual quaternions blend.
+    Turned,
+    /// It also bulges and folds, as that of our hands.
+    Fleshy,
 }
 
 #[derive(Clone, Copy, PartialEq)]
@@ -109,6 +120,7 @@ pub fn pose_directions(
     weights: &[f64],
     chains: &[BendingChain],
     shares: &[Vec<f64>],
+    skin: Skin,
 ) -> Vec<DVec3> {
     let count = vertices.len();
     let joints = weights.len() / count.max(1);
@@ -117,7 +129,7 @@ pub fn pose_directions(
     let fixed: Vec<usize> = (0..joints).filter(|k| chains.iter().all(|chain| !chain.has(*k))).collect();
     for (c, chain) in chains.iter().enumerate() {
         for k in 0..3 {
-            let bend = Bend::of(chain, k);
+            let bend = Bend::of(chain, k, skin);
             let fit = Fit::new(bend.samples());
             let moving = || chain.joints[k..].iter().chain(&chain.beyond);
             let fitted: Vec<[DVec3; FEATURES]> = (0..count)
@@ -156,7 +168,7 @@ pub fn smooth_step(x: f64) -> f64 {
 }
 
 impl Bend {
-    fn of(chain: &BendingChain, k: usize) -> Bend {
+    fn of(chain: &BendingChain, k: usize, skin: Skin) -> Bend {
         let direction = |from: usize| (chain.points[from + 1] - chain.points[from]).normalize();
         let along = (direction(k) + direction(k + 1)).normalize();
         let hinge = along.cross(chain.closing).normalize();
@@ -166,7 +178,7 @@ impl Bend {
             (false, 0) => BendKind::Knuckle,
             _ => BendKind::Hinge,
         };
-        Bend { along, hinge, inner: hinge.cross(along), radius: chain.radii[k], kind }
+        Bend { along, hinge, inner: hinge.cross(along), radius: chain.radii[k], kind, skin }
     }
 
     /// Flexion with a little of the other rotations, as far as the joint allows them.
@@ -190,6 +202,12 @@ impl Bend {
 
     /// Correct position of the flesh, relative to the joint.
     fn flesh(&self, flesh: &Flesh, sample: &Sample) -> DVec3 {
+        let turned = |part: f64| rotation_from_axis_angle(sample.axis_angle * part);
+        let blended = |part: f64| DMat3::IDENTITY * (1.0 - part) + sample.rotation * part;
+        let mixed = |part: f64, stays: f64| turned(part) * (1.0 - stays) + blended(part) * stays;
+        if self.skin == Skin::Turned {
+            return mixed(flesh.moving, BLENDED) * flesh.offset;
+        }
         let inner = flesh.offset.dot(self.inner) / self.radius;
         let along = flesh.offset.dot(self.along) / self.radius;
         let sideways = flesh.offset.dot(self.hinge) / self.radius;
@@ -199,10 +217,8 @@ impl Bend {
         let in_palm = self.kind.is_in_palm();
         let spread = if in_palm { 0.0 } else { smooth_step(0.8 * inner + 0.2) };
         let part = flesh.moving + spread * (smooth_step(0.5 * (along / INNER_REACH + 1.0)) - flesh.moving);
-        let turned = rotation_from_axis_angle(sample.axis_angle * part);
-        let blended = DMat3::IDENTITY * (1.0 - part) + sample.rotation * part;
         let stays_blended = if in_palm { BLENDED } else { BLENDED * smooth_step(0.5 - inner) };
-        let posed = turned * (1.0 - stays_blended) + blended * stays_blended;
+        let posed = mixed(part, stays_blended);
         // Bulges caused by flexion: the knuckle on the back, the folds inside and the sides between.
         let squeeze = (1.0 - sample.flexion.max(0.0).cos()) * self.radius;
         let knuckle = -KNUCKLE * bump(along / 1.1) * smooth_step(-1.2 * inner);

@@ -40,7 +40,7 @@ use glam::DVec3;
 
 use ghand_hand_model::HandModelError;
 use ghand_hand_model::files::mano::{JOINT_NAMES, PARENTS};
-use ghand_hand_model::pose_correctives::{BendingChain, pose_directions};
+use ghand_hand_model::pose_correctives::{BendingChain, Skin, pose_directions};
 use glove::Glove;
 
 /// Lengths of a hand, metres. [`Default`] is an adult's right hand.
@@ -126,7 +126,13 @@ impl ProceduralHand {
             joint_names: JOINT_NAMES.map(String::from).to_vec(),
             parents: PARENTS.to_vec(),
             joints: regress_joints(&joint_regressor, &glove.vertices),
-            pose_directions: pose_directions(&glove.vertices, &weights, &chains, &glove.shares(&skeleton, 0.0025)),
+            pose_directions: pose_directions(
+                &glove.vertices,
+                &weights,
+                &chains,
+                &glove.shares(&skeleton, 0.0025),
+                Skin::Fleshy,
+            ),
             weights,
             uvs: glove.uvs,
             face_uvs: glove.face_uvs,

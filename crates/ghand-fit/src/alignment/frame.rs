@@ -15,6 +15,8 @@ const CORRELATION: f64 = 8.0;
 /// Standard deviation of such a measurement in the only image of a frame, pixels. The template's surface is not quite the
 /// hand's, in all images alike: more images do not say more about that, so the variance grows with their number.
 const DEVIATION: f64 = 1.0;
+/// Entries of a joint's rotation, on which its correctives depend.
+const FEATURES: usize = 9;
 
 /// What does not change from frame to frame.
 pub struct Rig<'a> {
@@ -116,15 +118,23 @@ impl Rig<'_> {
     }
 }
 
-/// How the vertices of a frame move with its pose and with the shape. Pose correctives are taken as constant.
+/// How the vertices of a frame move with its pose, its correctives included, and with the shape.
 pub struct VertexMotion<'a> {
     rig: &'a Rig<'a>,
     posed: &'a PosedModel,
     /// Derivatives of the joints' posed positions, `[parameters][n_b]`.
     d_origins: Vec<Vec<DVec3>>,
-    /// By vertex, once it is needed: by moving joint, the sum over the joints that it carries of weight x position relative
-    /// to it; then the derivatives by the shape's parameters.
-    known: Vec<Option<(Vec<DVec3>, Vec<DVec3>)>>,
+    /// By vertex, once it is needed.
+    known: Vec<Option<Motion>>,
+}
+
+/// How a vertex moves.
+#[derive(Clone)]
+struct Motion {
+    /// By moving joint: the derivatives by its rotation about its parent's axes.
+    by_joint: Vec<[DVec3; 3]>,
+    /// By the shape's parameters.
+    by_shape: Vec<DVec3>,
 }
 
 impl<'a> VertexMotion<'a> {
@@ -158,18 +168,13 @@ impl<'a> VertexMotion<'a> {
                 row.push((parameter, value));
             }
         };
-        for (i, joint) in self.rig.moving.iter().enumerate() {
-            let torque = (0.5 * (a.0[i] + b.0[i])).cross(point.gradient);
-            let local = match self.rig.shaped.model.parents[*joint] {
-                Some(parent) => self.posed.chain.world[parent].linear.transpose() * torque,
-                None => torque,
-            };
-            local.to_array().into_iter().enumerate().for_each(|(axis, value)| push(3 * i + axis, value));
+        for (i, (a, b)) in a.by_joint.iter().zip(&b.by_joint).enumerate() {
+            (0..3).for_each(|axis| push(3 * i + axis, point.gradient.dot(0.5 * (a[axis] + b[axis]))));
         }
         let translation = 3 * self.rig.moving.len();
         let gradient = point.gradient.to_array();
         gradient.into_iter().enumerate().for_each(|(axis, value)| push(translation + axis, value));
-        for (k, (a, b)) in a.1.iter().zip(&b.1).enumerate() {
+        for (k, (a, b)) in a.by_shape.iter().zip(&b.by_shape).enumerate() {
             push(translation + 3 + k, point.gradient.dot(0.5 * (*a + *b)));
         }
     }
@@ -184,30 +189,32 @@ impl<'a> VertexMotion<'a> {
             }
         }
         let [Some(a), Some(b), Some(c)] = corners.map(|vertex| self.known[vertex as usize].as_ref()) else { return };
-        for (i, joint) in self.rig.moving.iter().enumerate() {
-            let arm = weights[0] * a.0[i] + weights[1] * b.0[i] + weights[2] * c.0[i];
-            if arm == DVec3::ZERO {
+        for (i, ((a, b), c)) in a.by_joint.iter().zip(&b.by_joint).zip(&c.by_joint).enumerate() {
+            if [a, b, c].iter().all(|by| **by == [DVec3::ZERO; 3]) {
                 continue;
             }
-            let parent = self.rig.shaped.model.parents[*joint];
-            let axes = parent.map_or(DMat3::IDENTITY, |parent| self.posed.chain.world[parent].linear);
-            row.extend((0..3).map(|axis| (3 * i + axis, axes.col(axis).cross(arm))));
+            let mean = |axis: usize| weights[0] * a[axis] + weights[1] * b[axis] + weights[2] * c[axis];
+            row.extend((0..3).map(|axis| (3 * i + axis, mean(axis))));
         }
         let translation = 3 * self.rig.moving.len();
         row.extend((0..3).map(|axis| (translation + axis, DVec3::AXES[axis])));
     }
 
-    fn of_vertex(&self, vertex: usize) -> (Vec<DVec3>, Vec<DVec3>) {
+    fn of_vertex(&self, vertex: usize) -> Motion {
         let model = &self.rig.shaped.model;
         let chain = &self.posed.chain;
         let bound: Vec<(usize, f64)> =
             model.vertex_weights(vertex).iter().copied().enumerate().filter(|(_, weight)| *weight > 0.0).collect();
         let carried: Vec<DVec3> =
             bound.iter().map(|(j, _)| chain.posed_from_rest[*j].apply(self.posed.corrected[vertex])).collect();
-        let around = |joint: &usize| -> DVec3 {
+        let blended: DMat3 = bound.iter().map(|(j, weight)| chain.world[*j].linear * *weight).sum();
+        let by_joint = |joint: &usize| -> [DVec3; 3] {
             let origin = chain.world[*joint].translation;
             let moved = bound.iter().zip(&carried).filter(|((j, _), _)| self.rig.carries[*joint][*j]);
-            moved.map(|((_, weight), at)| *weight * (*at - origin)).sum()
+            let arm: DVec3 = moved.map(|((_, weight), at)| *weight * (*at - origin)).sum();
+            let axes = model.parents[*joint].map_or(DMat3::IDENTITY, |parent| chain.world[parent].linear);
+            let corrected = self.by_corrective(vertex, *joint);
+            [0, 1, 2].map(|axis| axes.col(axis).cross(arm) + blended * corrected[axis])
         };
         let by_shape = |k: usize| -> DVec3 {
             let (d_vertex, d_joints) = (self.rig.shaped.d_vertices[k][vertex], &self.rig.shaped.d_joints[k]);
@@ -216,6 +223,24 @@ impl<'a> VertexMotion<'a> {
             };
             bound.iter().map(moved).sum()
         };
-        (self.rig.moving.iter().map(around).collect(), (0..self.d_origins.len()).map(by_shape).collect())
+        let by_joint = self.rig.moving.iter().map(by_joint).collect();
+        Motion { by_joint, by_shape: (0..self.d_origins.len()).map(by_shape).collect() }
+    }
+
+    /// How a vertex's pose corrective at rest changes with a joint's rotation about its parent's axes.
+    fn by_corrective(&self, vertex: usize, joint: usize) -> [DVec3; 3] {
+        let model = &self.rig.shaped.model;
+        if joint == 0 || model.pose_directions.is_empty() {
+            return [DVec3::ZERO; 3];
+        }
+        let rotation = self.posed.chain.local[joint];
+        let direction =
+            |feature: usize| model.pose_directions[((joint - 1) * FEATURES + feature) * model.vertices.len() + vertex];
+        // Features are the entries of the rotation, row by row; a step turns its columns.
+        let d_columns = |axis: usize| rotation.to_cols_array_2d().map(|column| DVec3::AXES[axis].cross(column.into()));
+        [0, 1, 2].map(|axis| {
+            let d_columns = d_columns(axis);
+            (0..FEATURES).map(|f| direction(f) * d_columns[f % 3][f / 3]).sum()
+        })
     }
 }

@@ -4,7 +4,7 @@ use ghand_core::HandModel;
 use glam::DVec3;
 
 use super::volume::keep_volume;
-use super::{BendingChain, pose_directions};
+use super::{BendingChain, Skin, pose_directions};
 use crate::joints::axes::{THUMB_TOWARDS_BACK, fingertip};
 use crate::joints::hand_directions::{HandDirections, hand_directions};
 use crate::joints::names::{Finger, JointRole, finger_joints};
@@ -19,19 +19,47 @@ const THICKER: [f64; 3] = [1.0, 1.5, 2.25];
 const USUAL_RADIUS: f64 = 0.009;
 /// Weight of nearness against skinning weights in deciding to which finger the skin of the palm belongs.
 const NEARNESS: f64 = 0.1;
+/// Cosine of the angle between the bones of a finger that is straight: 40 degrees.
+const STRAIGHT: f64 = 0.766;
 
 /// Pose directions `[9 (n_b - 1)][V]`, metres, that keep the volume of bent joints; `None` if the names of the joints do
 /// not identify the three joints of each finger. The rest pose must be roughly flat.
 pub fn fit_pose_directions(model: &HandModel) -> Option<Vec<DVec3>> {
+    let (chains, shares) = chains(model)?;
+    let pose_directions = pose_directions(&model.vertices, &model.weights, &chains, &shares, Skin::Fleshy);
+    let mut corrected = HandModel { pose_directions, ..model.clone() };
+    keep_volume(&mut corrected, &chains, &shares).ok()?;
+    Some(corrected.pose_directions)
+}
+
+/// The model with its own pose correctives or, if it has none, with some that let skin turn with a bent joint instead of being
+/// blended: no hand has the dents of blending, while bulges differ from hand to hand. As it is if its joints' names do not
+/// identify the fingers, or if these are bent at rest.
+pub fn with_turned_skin(model: &HandModel) -> HandModel {
+    let mut corrected = model.clone();
+    if model.pose_directions.is_empty()
+        && let Some((chains, shares)) = chains(model)
+        && chains.iter().all(is_straight)
+    {
+        corrected.pose_directions = pose_directions(&model.vertices, &model.weights, &chains, &shares, Skin::Turned);
+    }
+    corrected
+}
+
+/// The fingers, and how much of each vertex belongs to each.
+fn chains(model: &HandModel) -> Option<(Vec<BendingChain>, Vec<Vec<f64>>)> {
     let directions = hand_directions(model)?;
     let chains: Option<Vec<BendingChain>> =
         Finger::ALL.into_iter().map(|finger| chain(model, finger, &directions)).collect();
     let chains = chains?;
     let shares = shares(model, &chains);
-    let pose_directions = pose_directions(&model.vertices, &model.weights, &chains, &shares);
-    let mut corrected = HandModel { pose_directions, ..model.clone() };
-    keep_volume(&mut corrected, &chains, &shares).ok()?;
-    Some(corrected.pose_directions)
+    Some((chains, shares))
+}
+
+/// Whether the bones of a finger are nearly in line at rest.
+fn is_straight(chain: &BendingChain) -> bool {
+    let bones: Vec<DVec3> = chain.points[1..].windows(2).map(|bone| (bone[1] - bone[0]).normalize_or_zero()).collect();
+    bones.windows(2).all(|pair| pair[0].dot(pair[1]) > STRAIGHT)
 }
 
 fn chain(model: &HandModel, finger: Finger, hand: &HandDirections) -> Option<BendingChain> {

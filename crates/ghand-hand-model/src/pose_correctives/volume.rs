@@ -6,7 +6,7 @@ use ghand_core::rotation::rotation_from_axis_angle;
 use ghand_core::{HandModel, InvalidHandModel, Pose};
 use glam::DVec3;
 
-use super::{Bend, BendKind, BendingChain, FEATURES, Fit, bump, smooth_step};
+use super::{Bend, BendKind, BendingChain, FEATURES, Fit, Skin, bump, smooth_step};
 
 /// Flexions at which the volume is that of the rest pose, degrees: of hinges, and of the thumb's base.
 const FLEXION: f64 = 90.0;
@@ -52,7 +52,7 @@ pub(super) fn keep_volume(
     };
     for (c, chain) in chains.iter().enumerate() {
         for k in 0..3 {
-            let bend = Bend::of(chain, k);
+            let bend = Bend::of(chain, k, Skin::Fleshy);
             let room = if bend.kind.is_in_palm() { IN_PALM } else { IN_FINGER };
             let joint = chain.joints[k];
             let bulge = bulges(model, &normals, &bend, chain.points[k + 1], &room, |v| shares[v][c], |v| other(c, v));

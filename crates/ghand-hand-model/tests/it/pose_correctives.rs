@@ -5,7 +5,7 @@ use ghand_core::{HandModel, Pose};
 use ghand_hand_model::files::gltf::read_gltf;
 use ghand_hand_model::joints::names::{Finger, finger_joints};
 use ghand_hand_model::named_poses::{POSE_NAMES, named_pose};
-use ghand_hand_model::pose_correctives::fit_pose_directions;
+use ghand_hand_model::pose_correctives::{fit_pose_directions, with_turned_skin};
 use ghand_test_support::procedural_hand::ProceduralHand;
 use ghand_test_support::shared;
 use glam::DVec3;
@@ -92,5 +92,34 @@ fn the_rest_pose_has_no_correctives_and_those_of_a_joint_stay_near_it() {
                 assert!(d.length() < 0.012, "{d}");
             }
         }
+    }
+}
+
+/// How far from a finger's middle joint the skin stays that follows both of its bones, bent by a right angle: parts of the
+/// distance at rest.
+fn distance_kept(model: &HandModel, joints: [usize; 3]) -> f64 {
+    let posed = pose_hand(model, &[], &bent(model, joints[1])).unwrap();
+    let follows_both = |v: &usize| [joints[0], joints[1]].iter().all(|k| model.vertex_weights(*v)[*k] > 0.3);
+    let skin: Vec<usize> = (0..model.vertices.len()).filter(follows_both).collect();
+    let away = |vertices: &[DVec3], joint: DVec3| skin.iter().map(|v| vertices[*v].distance(joint)).sum::<f64>();
+    away(&posed.vertices, posed.joints[joints[1]]) / away(&model.vertices, model.joints[joints[1]])
+}
+
+#[test]
+fn straight_hands_of_known_joints_without_correctives_get_turned_skin() {
+    for [plain, fitted] in hands() {
+        let turned = with_turned_skin(&plain);
+        let joints = finger_joints(Finger::Index, &plain).unwrap();
+        let [blended, turned] = [&plain, &turned].map(|model| distance_kept(model, joints));
+        println!("{}: {blended:.3} of the distance kept by blending, {turned:.3} by turning", plain.name);
+        assert!((1.0 - turned).abs() < 0.6 * (1.0 - blended), "{}", plain.name);
+
+        assert_eq!(with_turned_skin(&fitted), fitted);
+        let names = (0..plain.joint_count()).map(|k| format!("bone{k}")).collect();
+        let renamed = HandModel { joint_names: names, ..plain.clone() };
+        assert_eq!(with_turned_skin(&renamed), renamed);
+        let fist = pose_hand(&plain, &[], &named_pose("fist", &plain).unwrap()).unwrap();
+        let closed = HandModel { vertices: fist.vertices, joints: fist.joints, ..plain };
+        assert_eq!(with_turned_skin(&closed), closed, "at rest a fist");
     }
 }

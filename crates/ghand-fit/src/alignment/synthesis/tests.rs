@@ -27,9 +27,7 @@ impl Scene {
     fn new(camera_count: usize) -> Scene {
         let mut rng = ChaCha8Rng::seed_from_u64(9);
         let mut random = || rng.random::<f64>() - 0.5;
-        let mut template = builtin_hand(Side::Right).unwrap();
-        // Derivatives take the pose's blend shapes as constant.
-        template.pose_directions.clear();
+        let template = builtin_hand(Side::Right).unwrap().without_blend_shapes();
         let center = template.vertices.iter().sum::<DVec3>() / template.vertices.len() as f64;
         let camera = |k: usize| {
             let angle = std::f64::consts::TAU * k as f64 / camera_count as f64;

@@ -29,9 +29,7 @@ impl Scene {
     fn new() -> Scene {
         let mut rng = ChaCha8Rng::seed_from_u64(9);
         let mut random = || rng.random::<f64>() - 0.5;
-        // Derivatives take the pose's blend shapes as constant.
-        let mut template = builtin_hand(Side::Right).unwrap();
-        template.pose_directions.clear();
+        let template = builtin_hand(Side::Right).unwrap();
         let center = template.vertices.iter().sum::<DVec3>() / template.vertices.len() as f64;
         let camera = |k: usize| {
             let angle = std::f64::consts::TAU * k as f64 / 8.0;
