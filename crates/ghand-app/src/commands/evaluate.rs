@@ -6,7 +6,7 @@ use anyhow::{Context, bail};
 use clap::{Args, ValueEnum};
 use ghand_avatar::Avatar;
 use ghand_capture::Capture;
-use ghand_core::Pose;
+use ghand_core::{HandModel, Pose};
 use ghand_fit::alignment::pose_offsets::offsets_between;
 use ghand_fit::alignment::single_frames::pose_knowledge;
 use ghand_measure::evaluation::ImageMetrics;
@@ -150,10 +150,11 @@ pub fn run_watched(args: &EvaluateArgs, adapter: &AdapterArgs, interruption: &In
                 say!("cameras and their colours: as in {}", file.display());
             }
             let train = capture.split(train_split)?;
-            let (known, poses) = pose_knowledge(&scored, &avatar.model, train, split)?;
-            let views = mask_views(&scored, train, split, &avatar.model, &poses, &known)?;
+            let model = model_with_correctives(&avatar.model, &capture.template);
+            let (known, poses) = pose_knowledge(&scored, &model, train, split)?;
+            let views = mask_views(&scored, train, split, &model, &poses, &known)?;
             // As in training, masks end where the avatar's template does.
-            scored.align_masks(&avatar.model, &split.frames, &poses);
+            scored.align_masks(&model, &split.frames, &poses);
             (Protocol::Masks, views)
         }
         ProtocolArg::Given if args.same_tracker => {
@@ -174,7 +175,7 @@ pub fn run_watched(args: &EvaluateArgs, adapter: &AdapterArgs, interruption: &In
             (Protocol::Aligned, aligned(&capture, &args.split, train_split, refined)?)
         }
         ProtocolArg::RefinedCross => {
-            let views = cross_views(&capture, split, &avatar.model);
+            let views = cross_views(&capture, split, &model_with_correctives(&avatar.model, &capture.template));
             (Protocol::RefinedCross, views.with_context(|| format!("--split {}", args.split))?)
         }
     };
@@ -221,6 +222,13 @@ fn check_out(args: &EvaluateArgs) -> anyhow::Result<()> {
         (Some(out), Some(capture)) if !args.force => refuse_capture_folder("--out", out, capture),
         _ => Ok(()),
     }
+}
+
+/// An avatar's model, whose poses are fitted to masks, with the pose correctives of the template that it was trained with.
+fn model_with_correctives(model: &HandModel, template: &HandModel) -> HandModel {
+    let is_of_template = model.faces == template.faces && model.joint_names == template.joint_names;
+    let pose_directions = if is_of_template { template.pose_directions.clone() } else { vec![] };
+    HandModel { pose_directions, ..model.clone() }
 }
 
 /// The test images in poses mapped by the offsets of the refined training poses.
