@@ -8,15 +8,13 @@ use nalgebra::{DMatrix, DVector};
 use super::cameras::unknowns::CameraUnknowns;
 use super::outlines::contour::{ContourPoint, Edges};
 use super::outlines::distance_field::DistanceField;
-use super::proportions::Shaped;
+use super::proportions::{FEATURES, Shaped};
 
 /// Neighbouring points of a contour err alike: so many pixels of it count as one measurement.
 const CORRELATION: f64 = 8.0;
 /// Standard deviation of such a measurement in the only image of a frame, pixels. The template's surface is not quite the
 /// hand's, in all images alike: more images do not say more about that, so the variance grows with their number.
 const DEVIATION: f64 = 1.0;
-/// Entries of a joint's rotation, on which its correctives depend.
-const FEATURES: usize = 9;
 
 /// What does not change from frame to frame.
 pub struct Rig<'a> {
@@ -229,18 +227,12 @@ impl<'a> VertexMotion<'a> {
 
     /// How a vertex's pose corrective at rest changes with a joint's rotation about its parent's axes.
     fn by_corrective(&self, vertex: usize, joint: usize) -> [DVec3; 3] {
-        let model = &self.rig.shaped.model;
-        if joint == 0 || model.pose_directions.is_empty() {
-            return [DVec3::ZERO; 3];
-        }
-        let rotation = self.posed.chain.local[joint];
-        let direction =
-            |feature: usize| model.pose_directions[((joint - 1) * FEATURES + feature) * model.vertices.len() + vertex];
-        // Features are the entries of the rotation, row by row; a step turns its columns.
-        let d_columns = |axis: usize| rotation.to_cols_array_2d().map(|column| DVec3::AXES[axis].cross(column.into()));
-        [0, 1, 2].map(|axis| {
-            let d_columns = d_columns(axis);
-            (0..FEATURES).map(|f| direction(f) * d_columns[f % 3][f / 3]).sum()
+        let Some(directions) = self.rig.shaped.correctives.get(vertex, joint) else { return [DVec3::ZERO; 3] };
+        let columns = self.posed.chain.local[joint].to_cols_array_2d();
+        DVec3::AXES.map(|axis| {
+            // A step turns the rotation's columns; the directions are by its rows.
+            let d_columns = columns.map(|column| axis.cross(column.into()));
+            (0..FEATURES).map(|f| directions[f] * d_columns[f % 3][f / 3]).sum()
         })
     }
 }

@@ -1,5 +1,7 @@
 //! The template's shape: the hand model's own shape directions, and for any rig the length and the thickness of each bone.
 
+use std::sync::Arc;
+
 use ghand_core::posing::shape_hand;
 use ghand_core::{HandModel, InvalidHandModel};
 use glam::{DMat3, DVec3};
@@ -14,6 +16,34 @@ pub struct Proportions {
     model: HandModel,
     /// Direction of the bone that a joint carries; none for a joint with several children.
     bones: Vec<Option<DVec3>>,
+    correctives: Arc<VertexCorrectives>,
+}
+
+/// Entries of a joint's rotation, on which its correctives depend.
+pub const FEATURES: usize = 9;
+
+/// A model's pose correctives by vertex; most joints have none for most vertices.
+pub struct VertexCorrectives(Vec<Vec<(usize, [DVec3; FEATURES])>>);
+
+impl VertexCorrectives {
+    fn new(model: &HandModel) -> VertexCorrectives {
+        let count = model.vertices.len();
+        let mut by_vertex = vec![vec![]; count];
+        for (k, directions) in model.pose_directions.chunks_exact((FEATURES * count).max(1)).enumerate() {
+            for (vertex, own) in by_vertex.iter_mut().enumerate() {
+                let own_directions = std::array::from_fn(|feature| directions[feature * count + vertex]);
+                if own_directions != [DVec3::ZERO; FEATURES] {
+                    own.push((k + 1, own_directions));
+                }
+            }
+        }
+        VertexCorrectives(by_vertex)
+    }
+
+    /// How a vertex at rest moves with each entry of a joint's rotation, row by row; none if it does not.
+    pub fn get(&self, vertex: usize, joint: usize) -> Option<&[DVec3; FEATURES]> {
+        self.0[vertex].iter().find(|(own, _)| *own == joint).map(|(_, directions)| directions)
+    }
 }
 
 /// A shape and its derivatives.
@@ -24,12 +54,14 @@ pub struct Shaped {
     pub d_vertices: Vec<Vec<DVec3>>,
     /// Derivatives of the rest joints, `[parameters][n_b]`.
     pub d_joints: Vec<Vec<DVec3>>,
+    pub correctives: Arc<VertexCorrectives>,
 }
 
 impl Shaped {
     /// A template whose shape is known.
     pub fn fixed(template: &HandModel) -> Shaped {
-        Shaped { model: template.clone(), d_vertices: vec![], d_joints: vec![] }
+        let correctives = Arc::new(VertexCorrectives::new(template));
+        Shaped { model: template.clone(), d_vertices: vec![], d_joints: vec![], correctives }
     }
 }
 
@@ -45,7 +77,8 @@ impl Proportions {
             direction.try_normalize()
         };
         let bones = (0..model.joint_count()).map(bone).collect();
-        Proportions { model, bones }
+        let correctives = Arc::new(VertexCorrectives::new(&model));
+        Proportions { model, bones, correctives }
     }
 
     /// The template as it came.
@@ -138,7 +171,7 @@ impl Proportions {
         shaped.shape_names.clear();
         shaped.joint_directions.clear();
         shaped.joint_regressor.clear();
-        Ok(Shaped { model: shaped, d_vertices, d_joints })
+        Ok(Shaped { model: shaped, d_vertices, d_joints, correctives: self.correctives.clone() })
     }
 }
 

@@ -103,7 +103,7 @@ impl Scene {
     }
 
     fn shaped(&self) -> Shaped {
-        Shaped { model: self.template.clone(), d_vertices: vec![], d_joints: vec![] }
+        Shaped::fixed(&self.template)
     }
 
     /// Root mean square distance of posed vertices from their true places, metres.
