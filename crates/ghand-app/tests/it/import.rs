@@ -19,7 +19,7 @@ use crate::common::{assert_one_sentence, run};
 
 /// Seconds of the films that are imported.
 fn seconds() -> &'static str {
-    cases("5", "7")
+    cases("4", "7")
 }
 
 fn make_video(arguments: &[&str], path: &Path) {
@@ -62,15 +62,15 @@ fn two_films_and_their_calibration_become_a_capture() {
     let (true, Some([a, b])) = (ffmpeg(), films(folder.path())) else { return };
     let calibration = shared("footage/desk-two-cameras").unwrap();
     let out = folder.path().join("me");
-    let options = ["--cameras", calibration.to_str().unwrap(), "--frames", "20"];
+    let options = ["--cameras", calibration.to_str().unwrap(), "--frames", "10"];
     let made = import(&[&a, &b], &out, &options);
     let said = String::from_utf8_lossy(&made.stdout).into_owned();
     assert!(made.status.success(), "{said}{}", String::from_utf8_lossy(&made.stderr));
     // The calibration counts in squares of a board.
     assert!(said.contains("unit of length") && said.contains("train --capture"), "{said}");
     let capture = Capture::open(&out).unwrap();
-    assert_eq!((capture.cameras.len(), capture.frames.len()), (2, 20));
-    assert_eq!(capture.split("test").unwrap().frames.len(), 4);
+    assert_eq!((capture.cameras.len(), capture.frames.len()), (2, 10));
+    assert_eq!(capture.split("test").unwrap().frames.len(), 2);
     let given = ghand_capture::cameras::calibration_files::read_calibration(&calibration).unwrap();
     let given: Vec<Camera> =
         given.cameras.iter().map(|camera| given.lens_camera(camera, [720, 720], 1.0).unwrap().camera).collect();
@@ -96,13 +96,13 @@ fn two_films_and_their_calibration_become_a_capture() {
     // What was tracked is kept: other options need no tracking.
     let kept = out.join("import/tracked-cam0.json");
     let before = fs::metadata(&kept).unwrap().modified().unwrap();
-    let made = import(&[&a, &b], &out, &["--frames", "10"]);
+    let made = import(&[&a, &b], &out, &["--frames", "8"]);
     let said = String::from_utf8_lossy(&made.stdout).into_owned();
     assert!(made.status.success(), "{said}{}", String::from_utf8_lossy(&made.stderr));
     assert_eq!(fs::metadata(&kept).unwrap().modified().unwrap(), before);
     let alone = Capture::open(&out).unwrap();
-    assert_eq!(alone.frames.len(), 10);
-    assert_eq!(fs::read_dir(out.join("images/cam1")).unwrap().count(), 10, "no image of the first choice is left");
+    assert_eq!(alone.frames.len(), 8);
+    assert_eq!(fs::read_dir(out.join("images/cam1")).unwrap().count(), 8, "no image of the first choice is left");
     // The hand alone, in seven seconds.
     let off = turn_between(&alone.cameras, &given);
     println!("cameras by the hand alone: {off:.1} degrees off");
@@ -186,7 +186,7 @@ fn made_footage_comes_back_with_its_truth() {
     let path = |name: &str| folder.path().join(name);
     made_footage(folder.path(), "2");
     let cameras = ["--cameras", "footage/cameras.json"];
-    run_ghand(folder.path(), &[&["import", "footage", "--out", "me", "--frames", "20"][..], &cameras].concat());
+    run_ghand(folder.path(), &[&["import", "footage", "--out", "me", "--frames", "12"][..], &cameras].concat());
     let capture = Capture::open(&path("me")).unwrap();
     let truth = truth(folder.path());
     // Landmarks in space, as far as the wrist, knuckles and joints are those of the tracker.

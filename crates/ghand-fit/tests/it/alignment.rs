@@ -8,6 +8,7 @@ use ghand_core::rotation::{axis_angle_from_rotation, rotation_from_axis_angle};
 use ghand_fit::alignment::shape_fit::fit_shape;
 use ghand_fit::alignment::single_frames::{SingleFrame, align_single_frames};
 use ghand_fit::alignment::{AlignmentError, align};
+use ghand_test_support::cases;
 use glam::DVec3;
 
 fn small_capture(identity: u64) -> (Capture, tempfile::TempDir) {
@@ -16,7 +17,7 @@ fn small_capture(identity: u64) -> (Capture, tempfile::TempDir) {
 
 #[test]
 fn contours_correct_poses_and_proportions_of_other_hands() {
-    for identity in [3, 11] {
+    for identity in [11, 3].into_iter().take(cases(1, 2)) {
         let (capture, _folder) = small_capture(identity);
         let split = capture.split("train").unwrap();
         for view in &split.views {

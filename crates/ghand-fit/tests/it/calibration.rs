@@ -66,7 +66,7 @@ fn options(views: usize, frames: usize, seed: u64) -> SyntheticOptions {
 
 #[test]
 fn wrong_calibrations_are_refined_and_right_ones_kept() {
-    let (capture, _folder) = make(&options(4, 12, 7));
+    let (capture, _folder) = make(&options(4, cases(8, 12), 7));
     let split = capture.split("train").unwrap().clone();
     let mut exact = f64::NAN;
     // Radians and parts; the largest puts the hand some 10 pixels beside where it is, in images where it is 150 high.
@@ -129,7 +129,7 @@ fn refined_cameras_are_read_again_and_those_of_another_capture_are_refused() {
 #[test]
 fn a_camera_that_is_late_is_told() {
     for views in 2..=cases(2, 3) {
-        let (capture, _folder) = make(&options(views, 60, 4));
+        let (capture, _folder) = make(&options(views, cases(40, 60), 4));
         let split = capture.split("train").unwrap().clone();
         // Cameras with the frames by which they are told to be late.
         let told = || -> Vec<(String, f64)> {

@@ -22,7 +22,7 @@ const RESOLUTION: u32 = 48;
 
 /// A capture in a light.
 fn capture(light: LightSetup) -> (Capture, tempfile::TempDir) {
-    make(&SyntheticOptions { light, train_frames: 12, width: 160, height: 240, ..small_options(5) })
+    make(&SyntheticOptions { light, train_frames: cases(8, 12), width: 160, height: 240, ..small_options(5) })
 }
 
 fn fit(gpu: &Gpu, capture: &Capture, poses: &[Pose], choice: LightChoice) -> LightFit {
