@@ -224,7 +224,8 @@ fn check_out(args: &EvaluateArgs) -> anyhow::Result<()> {
     }
 }
 
-/// An avatar's model, whose poses are fitted to masks, with the pose correctives of the template that it was trained with.
+/// An avatar's model, whose poses are fitted to masks, with the pose correctives of the capture's template: avatars keep
+/// none. Without them if the template is another hand model.
 fn model_with_correctives(model: &HandModel, template: &HandModel) -> HandModel {
     let is_of_template = model.faces == template.faces && model.joint_names == template.joint_names;
     let pose_directions = if is_of_template { template.pose_directions.clone() } else { vec![] };

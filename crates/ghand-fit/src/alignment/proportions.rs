@@ -54,6 +54,7 @@ pub struct Shaped {
     pub d_vertices: Vec<Vec<DVec3>>,
     /// Derivatives of the rest joints, `[parameters][n_b]`.
     pub d_joints: Vec<Vec<DVec3>>,
+    /// The model's pose correctives, metres; no shape changes them.
     pub correctives: Arc<VertexCorrectives>,
 }
 
