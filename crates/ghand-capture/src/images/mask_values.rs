@@ -53,6 +53,12 @@ pub(crate) fn mask_values(picture: DynamicImage) -> MaskValues {
             let alpha = || pixels.iter().map(|[.., a]| (a / 257.0).round() as u8).collect();
             of_bytes(wide.into_iter().map(|v| (v / scale).round() as u8).collect(), alpha)
         }
+        // As most are: of one channel and opaque.
+        DynamicImage::ImageLuma8(picture) => {
+            let values = picture.into_raw();
+            let opaque = vec![255; values.len()];
+            of_bytes(values, || opaque)
+        }
         _ => {
             let pixels = picture.into_rgba8();
             let values = pixels.pixels().map(|p| opaque_part(p.0.map(f32::from), 255.0).round() as u8).collect();

@@ -3,11 +3,17 @@
 /// Squared distances to the nearest pixel of value 0, along columns and then rows (Felzenszwalb and Huttenlocher, Distance
 /// Transforms of Sampled Functions, 2012). `values` are 0 or infinite, row-major.
 pub fn squared_distances(mut values: Vec<f64>, [columns, rows]: [usize; 2]) -> Vec<f64> {
-    let mut envelope = Envelope::default();
-    for x in 0..columns {
-        let line: Vec<f64> = (0..rows).map(|y| values[y * columns + x]).collect();
-        envelope.lower(&line, |y, d| values[y * columns + x] = d);
+    // Along columns: a pixel farther than the neighbour above, then than the one below.
+    for y in 1..rows {
+        let (above, row) = values[(y - 1) * columns..].split_at_mut(columns);
+        row.iter_mut().zip(above).for_each(|(value, above)| *value = value.min(*above + 1.0));
     }
+    for y in (1..rows).rev() {
+        let (row, below) = values[(y - 1) * columns..].split_at_mut(columns);
+        row.iter_mut().zip(below).for_each(|(value, below)| *value = value.min(*below + 1.0));
+    }
+    values.iter_mut().for_each(|value| *value *= *value);
+    let mut envelope = Envelope::default();
     for row in values.chunks_exact_mut(columns) {
         let line = row.to_vec();
         envelope.lower(&line, |x, d| row[x] = d);

@@ -45,20 +45,26 @@ fn cover(camera: &Camera, points: &[DVec3], faces: &[[u32; 3]], open: &mut [bool
     let corner = |i: u32| projected.get(i as usize).copied().flatten();
     for [a, b, c] in faces {
         let (Some(a), Some(b), Some(c)) = (corner(*a), corner(*b), corner(*c)) else { continue };
-        let area = (b - a).perp_dot(c - a);
-        if area == 0.0 {
-            // Its neighbours share its edges.
-            continue;
-        }
         let (low, high) = (a.min(b).min(c), a.max(b).max(c));
-        // Pixels whose centres, at half-integers, are between.
+        // Pixels whose centres, at half-integers, are between: from the first that is not below, to the last that is not above.
         let range = |low: f64, high: f64, size: usize| {
-            let bound = |v: f64| v.clamp(0.0, size as f64) as usize;
-            bound((low - 0.5).ceil())..bound((high - 0.5).floor() + 1.0)
+            let bound = |v: f64| v.clamp(0.0, size as f64);
+            let (low, end) = (bound(low - 0.5), bound(high + 0.5));
+            let first = low as usize;
+            first + usize::from((first as f64) < low)..end as usize
         };
         let columns = range(low.x, high.x, width);
-        for y in range(low.y, high.y, height) {
+        let rows = range(low.y, high.y, height);
+        let area = (b - a).perp_dot(c - a);
+        // Of a triangle without area, the neighbours share the edges.
+        if columns.is_empty() || rows.is_empty() || area == 0.0 {
+            continue;
+        }
+        for y in rows {
             let Some(row) = open.get_mut(y * width + columns.start..y * width + columns.end) else { continue };
+            if !row.contains(&true) {
+                continue;
+            }
             for (x, is_open) in columns.clone().zip(row).filter(|(_, is_open)| **is_open) {
                 let p = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
                 let side = |from: DVec2, to: DVec2| (to - from).perp_dot(p - from) * area >= 0.0;
