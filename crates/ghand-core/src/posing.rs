@@ -134,24 +134,47 @@ pub fn pose_hand_with(
     pose: &Pose,
     correctives: PoseCorrectives,
 ) -> Result<PosedModel, InvalidHandModel> {
+    let directions = match correctives {
+        PoseCorrectives::Applied => &model.pose_directions[..],
+        PoseCorrectives::Ignored => &[],
+    };
+    posed(model, shape_hand(model, shape)?, pose, |chain, corrected| {
+        for (weight, directions) in pose_features(chain).zip(directions.chunks_exact(corrected.len().max(1))) {
+            // In most poses, most joints have no rotation.
+            if weight != 0.0 {
+                corrected.iter_mut().zip(directions).for_each(|(v, d)| *v += *d * weight);
+            }
+        }
+    })
+}
+
+/// Poses a hand in the shape of its template by [`pose_hand`]'s steps, with pose correctives of the caller's in place of
+/// the model's: `correct` gets the chain in the pose, and adds them to the vertices at rest (metres, model axes, `V`).
+///
+/// # Errors
+/// [`InvalidHandModel`] if the pose does not have one rotation per joint.
+pub fn pose_hand_corrected_by(
+    model: &HandModel,
+    pose: &Pose,
+    correct: impl FnOnce(&Chain, &mut [DVec3]),
+) -> Result<PosedModel, InvalidHandModel> {
+    posed(model, shape_hand(model, &[])?, pose, correct)
+}
+
+fn posed(
+    model: &HandModel,
+    shaped: ShapedHand,
+    pose: &Pose,
+    correct: impl FnOnce(&Chain, &mut [DVec3]),
+) -> Result<PosedModel, InvalidHandModel> {
     let rows = pose.rotations.len();
     let joints = model.joint_count();
     if rows != joints {
         return Err(invalid(model, "pose", format!("has {rows} rotations, but the model has {joints} joints")));
     }
-    let shaped = shape_hand(model, shape)?;
     let chain = pose_skeleton(&model.parents, &shaped.joints, &pose.rotations);
     let mut corrected = shaped.vertices.clone();
-    let directions = match correctives {
-        PoseCorrectives::Applied => &model.pose_directions[..],
-        PoseCorrectives::Ignored => &[],
-    };
-    for (weight, directions) in pose_features(&chain).zip(directions.chunks_exact(corrected.len().max(1))) {
-        // In most poses, most joints have no rotation.
-        if weight != 0.0 {
-            corrected.iter_mut().zip(directions).for_each(|(v, d)| *v += *d * weight);
-        }
-    }
+    correct(&chain, &mut corrected);
     let weights = joint_major_weights(model);
     let vertices = skin(&skinning(&corrected, &weights, &chain, pose));
     let joints = chain.world.iter().map(|g| g.translation + pose.translation).collect();

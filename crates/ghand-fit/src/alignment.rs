@@ -7,6 +7,7 @@
 
 mod blur;
 mod cameras;
+mod correctives;
 mod frame;
 mod outlines;
 pub mod pose_offsets;
@@ -22,11 +23,11 @@ pub mod synthesis;
 mod texture;
 mod triangles;
 
+use std::sync::Arc;
 use std::time::Instant;
 
 use ghand_capture::mask::covered_pixels;
 use ghand_capture::{Capture, CaptureError, Split, SplitView};
-use ghand_core::posing::pose_hand;
 use ghand_core::rotation::{axis_angle_from_rotation, rotation_from_axis_angle};
 use ghand_core::{Camera, HandModel, InvalidHandModel, Pose};
 use ghand_hand_model::pose_correctives::with_turned_skin;
@@ -48,7 +49,6 @@ use priors::Priors;
 use proportions::{Proportions, Shaped};
 pub use results::rejection::Rejection;
 use results::rejection::rejection;
-use side::is_other_hand;
 use single_frames::PoseKnowledge;
 use spread::Estimate;
 use texture::SplitContrast;
@@ -300,7 +300,7 @@ enum Shape {
 struct Fit<'a> {
     template: &'a HandModel,
     /// Of the template, as a rule with rounder outlines.
-    proportions: Proportions,
+    proportions: Arc<Proportions>,
     edges: Edges,
     moving: Vec<usize>,
     carries: Vec<Vec<bool>>,
@@ -313,17 +313,20 @@ struct Fit<'a> {
 
 impl<'a> Fit<'a> {
     fn new(template: &'a HandModel, given: Vec<&'a Pose>, shape: Shape) -> Fit<'a> {
-        let corrected = with_turned_skin(template);
-        let is_coarse = template.faces.len() < ROUND_FACES;
-        Fit::with_outlines_of(if is_coarse { smoothed(&corrected) } else { corrected }, template, given, shape)
+        Fit::of_proportions(round_proportions(template), template, given, shape)
     }
 
     /// With the template's own outlines: those of imports, where round ones brought neither cameras nor hands nearer.
     fn with_own_outlines(template: &'a HandModel, given: Vec<&'a Pose>, shape: Shape) -> Fit<'a> {
-        Fit::with_outlines_of(template.clone(), template, given, shape)
+        Fit::of_proportions(Arc::new(Proportions::new(template.clone())), template, given, shape)
     }
 
-    fn with_outlines_of(mesh: HandModel, template: &'a HandModel, given: Vec<&'a Pose>, shape: Shape) -> Fit<'a> {
+    fn of_proportions(
+        proportions: Arc<Proportions>,
+        template: &'a HandModel,
+        given: Vec<&'a Pose>,
+        shape: Shape,
+    ) -> Fit<'a> {
         let joints = template.joint_count();
         let poses: Vec<Pose> = given.iter().map(|pose| (*pose).clone()).collect();
         let moves = moving_joints(&poses);
@@ -336,7 +339,6 @@ impl<'a> Fit<'a> {
             }
         };
         let carries = (0..joints).map(|k| (0..joints).map(|j| is_above(k, j)).collect()).collect();
-        let proportions = Proportions::new(mesh);
         let parameters = match shape {
             Shape::Known => 0,
             Shape::OfModel => template.shape_count(),
@@ -413,7 +415,7 @@ impl<'a> Fit<'a> {
 
     fn shaped(&self) -> Result<Shaped, InvalidHandModel> {
         match self.shape.is_empty() {
-            true => Ok(Shaped::fixed(self.proportions.template())),
+            true => Ok(self.proportions.as_given()),
             false => self.proportions.shaped(&self.shape),
         }
     }
@@ -522,23 +524,23 @@ impl<'a> Fit<'a> {
         refine: impl FnOnce(&Fit, &[bool]) -> Result<(Vec<Pose>, TextureRefinement), AlignmentError>,
     ) -> Result<Alignment, AlignmentError> {
         let mut given: Vec<Pose> = self.given.iter().map(|pose| (*pose).clone()).collect();
-        let template = self.shaped()?.model;
-        let (_, given_overlaps) = self.fit_of(&template, &given, images)?;
-        let (_, overlaps) = self.fit_of(&template, &self.poses, images)?;
+        let shaped = self.shaped()?.known();
+        let (_, given_overlaps) = self.fit_of(&shaped, &given, images)?;
+        let (_, overlaps) = self.fit_of(&shaped, &self.poses, images)?;
         let mut kept: Vec<usize> = (0..images.len()).filter(|k| given_overlaps[*k] > overlaps[*k]).collect();
         kept.iter().for_each(|k| self.poses[*k] = given[*k].clone());
-        let mut aligned_fit = self.fit_of(&template, &self.poses[..frames], &images[..frames])?.0;
-        let is_other_hand = is_other_hand(self.template, &self.given, images)?;
-        let rejection = rejection([given_fit, aligned_fit], self.template, &template, is_other_hand);
+        let mut aligned_fit = self.fit_of(&shaped, &self.poses[..frames], &images[..frames])?.0;
+        let is_other_hand = self.is_other_hand(images)?;
+        let rejection = rejection([given_fit, aligned_fit], self.template, &shaped.model, is_other_hand);
         let mut texture = None;
         if rejection.is_none() {
             let is_usable = |k: usize| k < frames && !images[k].is_empty() && !kept.contains(&k);
             let usable: Vec<bool> = (0..images.len()).map(is_usable).collect();
             let (poses, mut refinement) = refine(&self, &usable)?;
-            let (_, overlaps) = self.fit_of(&template, &poses, images)?;
+            let (_, overlaps) = self.fit_of(&shaped, &poses, images)?;
             self.poses = poses;
             refinement.take_back(&mut self.poses, |frame| overlaps[frame] < given_overlaps[frame]);
-            aligned_fit = self.fit_of(&template, &self.poses[..frames], &images[..frames])?.0;
+            aligned_fit = self.fit_of(&shaped, &self.poses[..frames], &images[..frames])?.0;
             refinement.contour_poses.truncate(frames);
             texture = Some(refinement);
         }
@@ -596,25 +598,25 @@ impl<'a> Fit<'a> {
     /// How well the template as it came, in the given poses, fits the masks of the first frames.
     fn fit_as_given(&self, images: &[Images]) -> Result<MaskFit, InvalidHandModel> {
         let given: Vec<Pose> = self.given[..images.len()].iter().map(|pose| (*pose).clone()).collect();
-        Ok(self.fit_of(self.proportions.template(), &given, images)?.0)
+        Ok(self.fit_of(&self.proportions.as_given(), &given, images)?.0)
     }
 
-    /// How well a template in these poses fits the masks; also the overlap of each frame, 1 for one without masks.
+    /// How well a hand in these poses fits the masks; also the overlap of each frame, 1 for one without masks.
     fn fit_of(
         &self,
-        template: &HandModel,
+        shaped: &Shaped,
         poses: &[Pose],
         images: &[Images],
     ) -> Result<(MaskFit, Vec<f64>), InvalidHandModel> {
         let of_frame = |(pose, images): (&Pose, &Images)| -> Result<(Vec<f64>, Vec<f64>), InvalidHandModel> {
-            let positions = pose_hand(template, &[], pose)?.vertices;
-            let normals = template.vertex_normals(&positions);
+            let positions = shaped.pose(pose)?.vertices;
+            let normals = shaped.model.vertex_normals(&positions);
             let mut distances = vec![];
             let mut overlaps = vec![];
             for (camera, field) in images {
                 let contour = self.edges.contour(&positions, &normals, camera, field);
                 distances.extend(contour.iter().map(|point| point.residual.abs()));
-                let covered = covered_pixels(camera, &positions, &template.faces);
+                let covered = covered_pixels(camera, &positions, &shaped.model.faces);
                 let arm_end = self.edges.arm_end(&positions, camera);
                 overlaps.push(field.overlap(&covered, camera.width as usize, arm_end));
             }
@@ -639,6 +641,13 @@ impl<'a> Fit<'a> {
     fn moved(&self, pose: &Pose, step: &DVector<f64>) -> Pose {
         moved(&self.moving, pose, step)
     }
+}
+
+/// The proportions of a template, as a rule with rounder outlines.
+fn round_proportions(template: &HandModel) -> Arc<Proportions> {
+    let corrected = with_turned_skin(template);
+    let is_coarse = template.faces.len() < ROUND_FACES;
+    Arc::new(Proportions::new(if is_coarse { smoothed(&corrected) } else { corrected }))
 }
 
 /// A pose after a step of the joints that move and of the translation.

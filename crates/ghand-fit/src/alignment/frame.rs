@@ -1,14 +1,15 @@
 //! The normal equations of one frame: how its contours change with its pose and with the shape.
 
-use ghand_core::posing::{PosedModel, pose_hand};
+use ghand_core::posing::PosedModel;
 use ghand_core::{Camera, InvalidHandModel, Pose};
 use glam::{DMat3, DVec3};
 use nalgebra::{DMatrix, DVector};
 
 use super::cameras::unknowns::CameraUnknowns;
+use super::correctives::FEATURES;
 use super::outlines::contour::{ContourPoint, Edges};
 use super::outlines::distance_field::DistanceField;
-use super::proportions::{FEATURES, Shaped};
+use super::proportions::Shaped;
 
 /// Neighbouring points of a contour err alike: so many pixels of it count as one measurement.
 const CORRELATION: f64 = 8.0;
@@ -67,10 +68,10 @@ impl Rig<'_> {
         unknowns: Option<&CameraUnknowns>,
     ) -> Result<FrameEquations, InvalidHandModel> {
         let model = &self.shaped.model;
-        let posed = pose_hand(model, &[], pose)?;
+        let posed = self.shaped.pose(pose)?;
         let normals = model.vertex_normals(&posed.vertices);
         let pose_count = 3 * self.moving.len() + 3;
-        let first_of_cameras = pose_count + self.shaped.d_vertices.len();
+        let first_of_cameras = pose_count + self.shaped.d_joints.len();
         let count = first_of_cameras + unknowns.map_or(0, CameraUnknowns::count);
         let mut motion = VertexMotion::new(self, &posed);
         let mut matrix = DMatrix::zeros(count, count);
@@ -214,15 +215,17 @@ impl<'a> VertexMotion<'a> {
             let corrected = self.by_corrective(vertex, *joint);
             [0, 1, 2].map(|axis| axes.col(axis).cross(arm) + blended * corrected[axis])
         };
+        let count = self.d_origins.len();
+        let d_vertices = &self.rig.shaped.d_vertices[vertex * count..][..count];
         let by_shape = |k: usize| -> DVec3 {
-            let (d_vertex, d_joints) = (self.rig.shaped.d_vertices[k][vertex], &self.rig.shaped.d_joints[k]);
+            let (d_vertex, d_joints) = (d_vertices[k], &self.rig.shaped.d_joints[k]);
             let moved = |(j, weight): &(usize, f64)| {
                 *weight * (chain.world[*j].linear * (d_vertex - d_joints[*j]) + self.d_origins[k][*j])
             };
             bound.iter().map(moved).sum()
         };
         let by_joint = self.rig.moving.iter().map(by_joint).collect();
-        Motion { by_joint, by_shape: (0..self.d_origins.len()).map(by_shape).collect() }
+        Motion { by_joint, by_shape: (0..count).map(by_shape).collect() }
     }
 
     /// How a vertex's pose corrective at rest changes with a joint's rotation about its parent's axes.

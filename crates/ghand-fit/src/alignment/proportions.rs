@@ -2,9 +2,12 @@
 
 use std::sync::Arc;
 
-use ghand_core::posing::shape_hand;
-use ghand_core::{HandModel, InvalidHandModel};
+use ghand_core::posing::{PosedModel, pose_hand_corrected_by, shape_hand};
+use ghand_core::{HandModel, InvalidHandModel, Pose};
 use glam::{DMat3, DVec3};
+use rayon::prelude::*;
+
+use super::correctives::VertexCorrectives;
 
 /// Standard deviation of the logarithm of a bone's length or thickness.
 pub const BONE_DEVIATION: f64 = 0.03;
@@ -13,45 +16,21 @@ pub const SHAPE_DEVIATION: f64 = 1.0;
 
 /// A template that can change its shape.
 pub struct Proportions {
+    /// Without its pose directions, which are in `correctives`.
     model: HandModel,
+    /// The same without shape directions, too; copied for each shape.
+    bare: HandModel,
     /// Direction of the bone that a joint carries; none for a joint with several children.
     bones: Vec<Option<DVec3>>,
     correctives: Arc<VertexCorrectives>,
 }
 
-/// Entries of a joint's rotation, on which its correctives depend.
-pub const FEATURES: usize = 9;
-
-/// A model's pose correctives by vertex; most joints have none for most vertices.
-pub struct VertexCorrectives(Vec<Vec<(usize, [DVec3; FEATURES])>>);
-
-impl VertexCorrectives {
-    fn new(model: &HandModel) -> VertexCorrectives {
-        let count = model.vertices.len();
-        let mut by_vertex = vec![vec![]; count];
-        for (k, directions) in model.pose_directions.chunks_exact((FEATURES * count).max(1)).enumerate() {
-            for (vertex, own) in by_vertex.iter_mut().enumerate() {
-                let own_directions = std::array::from_fn(|feature| directions[feature * count + vertex]);
-                if own_directions != [DVec3::ZERO; FEATURES] {
-                    own.push((k + 1, own_directions));
-                }
-            }
-        }
-        VertexCorrectives(by_vertex)
-    }
-
-    /// How a vertex at rest moves with each entry of a joint's rotation, row by row; none if it does not.
-    pub fn get(&self, vertex: usize, joint: usize) -> Option<&[DVec3; FEATURES]> {
-        self.0[vertex].iter().find(|(own, _)| *own == joint).map(|(_, directions)| directions)
-    }
-}
-
 /// A shape and its derivatives.
 pub struct Shaped {
-    /// The model with rest vertices and joints in that shape, without shape directions.
+    /// The model with rest vertices and joints in that shape, without shape and pose directions.
     pub model: HandModel,
-    /// Derivatives of the rest vertices, metres per unit, `[parameters][V]`.
-    pub d_vertices: Vec<Vec<DVec3>>,
+    /// Derivatives of the rest vertices, metres per unit, `[V][parameters]`.
+    pub d_vertices: Vec<DVec3>,
     /// Derivatives of the rest joints, `[parameters][n_b]`.
     pub d_joints: Vec<Vec<DVec3>>,
     /// The model's pose correctives, metres; no shape changes them.
@@ -59,15 +38,22 @@ pub struct Shaped {
 }
 
 impl Shaped {
-    /// A template whose shape is known.
-    pub fn fixed(template: &HandModel) -> Shaped {
-        let correctives = Arc::new(VertexCorrectives::new(template));
-        Shaped { model: template.clone(), d_vertices: vec![], d_joints: vec![], correctives }
+    /// The same shape, if it is known: without derivatives.
+    pub fn known(self) -> Shaped {
+        Shaped { d_vertices: vec![], d_joints: vec![], ..self }
+    }
+
+    /// The hand in a pose.
+    ///
+    /// # Errors
+    /// [`InvalidHandModel`] if the pose does not fit the model.
+    pub fn pose(&self, pose: &Pose) -> Result<PosedModel, InvalidHandModel> {
+        pose_hand_corrected_by(&self.model, pose, |chain, vertices| self.correctives.add(chain, vertices))
     }
 }
 
 impl Proportions {
-    pub fn new(model: HandModel) -> Proportions {
+    pub fn new(mut model: HandModel) -> Proportions {
         let bone = |k: usize| {
             let mut children = (0..model.joint_count()).filter(|child| model.parents[*child] == Some(k));
             let direction = match (children.next(), children.next(), model.parents[k]) {
@@ -79,10 +65,21 @@ impl Proportions {
         };
         let bones = (0..model.joint_count()).map(bone).collect();
         let correctives = Arc::new(VertexCorrectives::new(&model));
-        Proportions { model, bones, correctives }
+        model.pose_directions = vec![];
+        let shape_directions = std::mem::take(&mut model.shape_directions);
+        let bare =
+            HandModel { shape_names: vec![], joint_directions: vec![], joint_regressor: vec![], ..model.clone() };
+        model.shape_directions = shape_directions;
+        Proportions { model, bare, bones, correctives }
     }
 
-    /// The template as it came.
+    /// The template as it came, its shape being known.
+    pub fn as_given(&self) -> Shaped {
+        let correctives = self.correctives.clone();
+        Shaped { model: self.bare.clone(), d_vertices: vec![], d_joints: vec![], correctives }
+    }
+
+    /// The template as it came, without pose directions.
     pub fn template(&self) -> &HandModel {
         &self.model
     }
@@ -116,34 +113,36 @@ impl Proportions {
                 }
             })
             .collect();
-        let place = |vertices: &[DVec3], joints: &[DVec3], from: &[DVec3]| {
-            // `from` moves with the joints; vertices and joints are displaced relative to it.
+        // Joints as the bones carry them, and a vertex that was displaced relative to them.
+        let moved = |joints: &[DVec3], from: &[DVec3]| {
             let mut moved = from.to_vec();
             for (k, parent) in model.parents.iter().enumerate() {
                 if let Some(p) = *parent {
                     moved[k] = moved[p] + stretch[p] * (joints[k] - joints[p]);
                 }
             }
-            let vertex = |v: usize| {
-                let weights = model.vertex_weights(v).iter().enumerate().filter(|(_, weight)| **weight > 0.0);
-                weights.map(|(k, weight)| *weight * (moved[k] + stretch[k] * (vertices[v] - joints[k]))).sum()
-            };
-            ((0..vertices.len()).map(vertex).collect::<Vec<DVec3>>(), moved)
+            moved
         };
-        let (vertices, joints) = place(&hand.vertices, &hand.joints, &hand.joints);
-        let (mut d_vertices, mut d_joints) = (vec![], vec![]);
+        let placed = |bound: &[(usize, f64)], vertex: DVec3, joints: &[DVec3], moved: &[DVec3]| -> DVec3 {
+            bound.iter().map(|(k, weight)| *weight * (moved[*k] + stretch[*k] * (vertex - joints[*k]))).sum()
+        };
+        let bound = |v: usize| -> Vec<(usize, f64)> {
+            model.vertex_weights(v).iter().copied().enumerate().filter(|(_, weight)| *weight > 0.0).collect()
+        };
+        let joints = moved(&hand.joints, &hand.joints);
+        let vertices: Vec<DVec3> =
+            (0..hand.vertices.len()).map(|v| placed(&bound(v), hand.vertices[v], &hand.joints, &joints)).collect();
         let none = shape_hand(model, &[])?;
-        for k in 0..own.len() {
+        let by_own = |k: usize| -> Result<OwnDerivative, InvalidHandModel> {
             let mut unit = vec![0.0; own.len()];
             unit[k] = 1.0;
             let one = shape_hand(model, &unit)?;
-            let d_own: Vec<DVec3> = one.vertices.iter().zip(&none.vertices).map(|(a, b)| *a - *b).collect();
+            let d_own = one.vertices.iter().zip(&none.vertices).map(|(a, b)| *a - *b).collect();
             let d_rest: Vec<DVec3> = one.joints.iter().zip(&none.joints).map(|(a, b)| *a - *b).collect();
-            let (d_vertex, d_joint) = place(&d_own, &d_rest, &d_rest);
-            d_vertices.push(d_vertex);
-            d_joints.push(d_joint);
-        }
-        for (parameter, logarithm) in bones.iter().enumerate() {
+            Ok(OwnDerivative { vertices: d_own, moved: moved(&d_rest, &d_rest), joints: d_rest })
+        };
+        let of_own: Vec<OwnDerivative> = (0..own.len()).into_par_iter().map(by_own).collect::<Result<_, _>>()?;
+        let by_bone = |(parameter, logarithm): (usize, &f64)| -> BoneDerivative {
             let k = parameter / 2;
             let size = logarithm.exp();
             let d_stretch = match (self.bones[k], parameter % 2) {
@@ -152,28 +151,44 @@ impl Proportions {
                 (None, 0) => DMat3::IDENTITY * size,
                 (None, _) => DMat3::ZERO,
             };
-            let mut d_joint = vec![DVec3::ZERO; model.joint_count()];
+            let mut d_joints = vec![DVec3::ZERO; model.joint_count()];
             for (child, parent) in model.parents.iter().enumerate() {
                 if let Some(p) = *parent {
                     let own = if p == k { d_stretch * (hand.joints[child] - hand.joints[k]) } else { DVec3::ZERO };
-                    d_joint[child] = d_joint[p] + own;
+                    d_joints[child] = d_joints[p] + own;
                 }
             }
-            let vertex = |v: usize| {
-                let weights = model.vertex_weights(v);
-                let carried: DVec3 = weights.iter().zip(&d_joint).map(|(weight, d)| *weight * *d).sum();
-                carried + weights[k] * (d_stretch * (hand.vertices[v] - hand.joints[k]))
-            };
-            d_vertices.push((0..hand.vertices.len()).map(vertex).collect());
-            d_joints.push(d_joint);
-        }
-        let mut shaped = HandModel { vertices, joints, ..model.clone() };
-        shaped.shape_directions.clear();
-        shaped.shape_names.clear();
-        shaped.joint_directions.clear();
-        shaped.joint_regressor.clear();
-        Ok(Shaped { model: shaped, d_vertices, d_joints, correctives: self.correctives.clone() })
+            BoneDerivative { d_stretch, d_joints }
+        };
+        let of_bones: Vec<BoneDerivative> = bones.iter().enumerate().map(by_bone).collect();
+        let of_vertex = |v: usize| {
+            let bound = bound(v);
+            let by_own = of_own.iter().map(|d| placed(&bound, d.vertices[v], &d.joints, &d.moved));
+            let by_bone = of_bones.iter().enumerate().map(|(parameter, d)| {
+                let k = parameter / 2;
+                let carried: DVec3 = bound.iter().map(|(joint, weight)| *weight * d.d_joints[*joint]).sum();
+                carried + model.vertex_weights(v)[k] * (d.d_stretch * (hand.vertices[v] - hand.joints[k]))
+            });
+            by_own.chain(by_bone).collect::<Vec<DVec3>>()
+        };
+        let d_vertices: Vec<Vec<DVec3>> = (0..vertices.len()).into_par_iter().map(of_vertex).collect();
+        let d_joints = of_own.into_iter().map(|d| d.moved).chain(of_bones.into_iter().map(|d| d.d_joints)).collect();
+        let shaped = HandModel { vertices, joints, ..self.bare.clone() };
+        Ok(Shaped { model: shaped, d_vertices: d_vertices.concat(), d_joints, correctives: self.correctives.clone() })
     }
+}
+
+/// Derivatives by a parameter of the model's own shape: of vertices and joints at rest, and of where bones carry the joints.
+struct OwnDerivative {
+    vertices: Vec<DVec3>,
+    joints: Vec<DVec3>,
+    moved: Vec<DVec3>,
+}
+
+/// Derivatives by a bone's length or thickness.
+struct BoneDerivative {
+    d_stretch: DMat3,
+    d_joints: Vec<DVec3>,
 }
 
 /// The projection onto a unit vector.
@@ -207,7 +222,9 @@ mod tests {
                 let differences = high.iter().zip(low).map(|(a, b)| (*a - *b) / (2.0 * step));
                 differences.zip(found).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max)
             };
-            assert!(worst(&high.vertices, &low.vertices, &shaped.d_vertices[parameter]) < 1e-8, "{parameter}");
+            let d_vertices: Vec<DVec3> =
+                shaped.d_vertices.iter().skip(parameter).step_by(parameters.len()).copied().collect();
+            assert!(worst(&high.vertices, &low.vertices, &d_vertices) < 1e-8, "{parameter}");
             assert!(worst(&high.joints, &low.joints, &shaped.d_joints[parameter]) < 1e-8, "{parameter}");
         }
         let none = proportions.shaped(&vec![0.0; parameters.len()]).unwrap();

@@ -10,7 +10,7 @@ use glam::{DMat3, DVec3};
 use nalgebra::Matrix3;
 
 use super::results::rejection::is_match;
-use super::{Fit, Images, MaskFit, STEPS, Shape};
+use super::{Fit, Images, MaskFit, STEPS, Shape, round_proportions};
 
 /// Frames that are fitted, evenly over those with masks. A few in different poses decide: a flat hand is its own mirror
 /// image, a bent one is not.
@@ -28,50 +28,51 @@ struct Remains {
     fit: MaskFit,
 }
 
-/// Whether the mirror image of the template fits the masks decisively better than the template does.
-///
-/// # Errors
-/// [`InvalidHandModel`] if a pose does not fit the template.
-pub(super) fn is_other_hand(
-    template: &HandModel,
-    given: &[&Pose],
-    images: &[Images],
-) -> Result<bool, InvalidHandModel> {
-    let shown: Vec<usize> = (0..given.len()).filter(|k| !images[*k].is_empty()).collect();
-    // In a single image, the other hand seen from behind has the same outline.
-    if shown.iter().all(|frame| images[*frame].len() < 2) {
-        return Ok(false);
-    }
-    let count = FRAMES.min(shown.len());
-    let chosen: Vec<usize> = (0..count).map(|k| shown[(2 * k + 1) * shown.len() / (2 * count)]).collect();
-    let images: Vec<Images> = chosen.iter().map(|k| images[*k].clone()).collect();
-    let given: Vec<&Pose> = chosen.iter().map(|k| given[*k]).collect();
-    let own = remains(template, given.clone(), &images)?;
-    let other = template.mirrored();
-    // Poses of the wrong hand come about in two ways: the hand was fitted with the wrong model, so that its joints are about
-    // where they should be, or its rotations are right and only the side is not.
-    let refitted: Vec<Pose> =
-        given.iter().map(|pose| with_joints_of(&other, template, pose)).collect::<Result<_, _>>()?;
-    let renamed: Vec<Pose> = given.iter().map(|pose| renamed(&other, template, pose)).collect();
-    for poses in [refitted, renamed] {
-        let found = remains(&other, poses.iter().collect(), &images)?;
-        if found.cost < DECISIVE * own.cost && found.fit.overlap > own.fit.overlap && is_match(&found.fit) {
-            return Ok(true);
+impl Fit<'_> {
+    /// Whether the mirror image of the template fits the masks decisively better than the template does.
+    ///
+    /// # Errors
+    /// [`InvalidHandModel`] if a pose does not fit the template.
+    pub(super) fn is_other_hand(&self, images: &[Images]) -> Result<bool, InvalidHandModel> {
+        let shown: Vec<usize> = (0..self.given.len()).filter(|k| !images[*k].is_empty()).collect();
+        // In a single image, the other hand seen from behind has the same outline.
+        if shown.iter().all(|frame| images[*frame].len() < 2) {
+            return Ok(false);
         }
+        let count = FRAMES.min(shown.len());
+        let chosen: Vec<usize> = (0..count).map(|k| shown[(2 * k + 1) * shown.len() / (2 * count)]).collect();
+        let images: Vec<Images> = chosen.iter().map(|k| images[*k].clone()).collect();
+        let given: Vec<&Pose> = chosen.iter().map(|k| self.given[*k]).collect();
+        let template = self.template;
+        let anew = Fit::of_proportions(self.proportions.clone(), template, given.clone(), Shape::Unknown);
+        let own = remains(anew, &images)?;
+        let other = template.mirrored();
+        // Poses of the wrong hand come about in two ways: the hand was fitted with the wrong model, so that its joints are
+        // about where they should be, or its rotations are right and only the side is not.
+        let refitted: Vec<Pose> =
+            given.iter().map(|pose| with_joints_of(&other, template, pose)).collect::<Result<_, _>>()?;
+        let renamed: Vec<Pose> = given.iter().map(|pose| renamed(&other, template, pose)).collect();
+        let proportions = round_proportions(&other);
+        for poses in [refitted, renamed] {
+            let anew = Fit::of_proportions(proportions.clone(), &other, poses.iter().collect(), Shape::Unknown);
+            let found = remains(anew, &images)?;
+            if found.cost < DECISIVE * own.cost && found.fit.overlap > own.fit.overlap && is_match(&found.fit) {
+                return Ok(true);
+            }
+        }
+        Ok(false)
     }
-    Ok(false)
 }
 
 /// What is left of a fit: half the squared residuals of contours and proportions, relative to their standard deviations;
 /// and the mean overlap, since the fewer contours there are near the masks' outlines, the less remains of them.
-fn remains(template: &HandModel, given: Vec<&Pose>, images: &[Images]) -> Result<Remains, InvalidHandModel> {
-    let mut fit = Fit::new(template, given, Shape::Unknown);
+fn remains(mut fit: Fit, images: &[Images]) -> Result<Remains, InvalidHandModel> {
     fit.follow_contours(images, &mut |_, _, _| true)?;
     let equations = fit.equations(images, STEPS[STEPS.len() - 1])?;
     let contours: f64 = equations.iter().map(|frame| frame.cost).sum();
     let unusual = |(k, value): (usize, &f64)| 0.5 * (value / fit.proportions.deviation(k)).powi(2);
     let cost = contours + fit.shape.iter().enumerate().map(unusual).sum::<f64>();
-    let (fit, _) = fit.fit_of(&fit.shaped()?.model, &fit.poses, images)?;
+    let (fit, _) = fit.fit_of(&fit.shaped()?, &fit.poses, images)?;
     Ok(Remains { cost, fit })
 }
 

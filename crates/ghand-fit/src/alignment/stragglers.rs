@@ -7,7 +7,7 @@ use ghand_core::rotation::{axis_angle_from_rotation, rotation_from_axis_angle};
 use ghand_core::{InvalidHandModel, Pose};
 use rayon::prelude::*;
 
-use super::{Fit, Images, STEPS, Shaped, quantiles};
+use super::{Fit, Images, STEPS, quantiles};
 
 /// A frame is astray if its template overlaps the masks by so much less than the median frame's does, relative to what the
 /// median lacks: where 0.92 is usual, below 0.86.
@@ -20,9 +20,8 @@ const LEAST_GAIN: f64 = 0.01;
 impl Fit<'_> {
     /// Fits the frames that are astray again. Returns how many found a better pose.
     pub(super) fn recover_stragglers(&mut self, images: &[Images]) -> Result<usize, InvalidHandModel> {
-        let shaped = Shaped::fixed(&self.shaped()?.model);
-        let template = &shaped.model;
-        let (_, overlaps) = self.fit_of(template, &self.poses, images)?;
+        let shaped = self.shaped()?.known();
+        let (_, overlaps) = self.fit_of(&shaped, &self.poses, images)?;
         let shown: Vec<usize> = (0..images.len()).filter(|k| !images[*k].is_empty()).collect();
         let median = quantiles(shown.iter().map(|k| overlaps[*k]).collect())[0];
         let is_astray = |k: &usize| 1.0 - overlaps[*k] > ASTRAY * (1.0 - median);
@@ -39,7 +38,7 @@ impl Fit<'_> {
             let mut best: Option<(f64, Pose)> = None;
             for start in starts {
                 let pose = self.fitted_alone(&shaped, start, self.given[*frame], &images[*frame], &STEPS, true)?;
-                let (_, overlap) = self.fit_of(template, std::slice::from_ref(&pose), &images[*frame..=*frame])?;
+                let (_, overlap) = self.fit_of(&shaped, std::slice::from_ref(&pose), &images[*frame..=*frame])?;
                 if overlap[0] > best.as_ref().map_or(overlaps[*frame] + LEAST_GAIN, |(found, _)| *found) {
                     best = Some((overlap[0], pose));
                 }

@@ -18,7 +18,6 @@ use std::collections::BTreeMap;
 use std::time::Instant;
 
 use ghand_capture::CaptureError;
-use ghand_core::posing::pose_hand;
 use ghand_core::rotation::{axis_angle_from_rotation, rotation_from_axis_angle};
 use ghand_core::{HandModel, InvalidHandModel, Pose};
 use ghand_render::RenderError;
@@ -237,7 +236,7 @@ impl Refiner<'_> {
         let view = (self.problem.view)(index)?;
         let pose = &self.fit.poses[view.frame];
         let Some(drawn) = draw(&view, pose)? else { return Ok(None) };
-        let positions = pose_hand(&self.shaped.model, &[], pose)?.vertices;
+        let positions = self.shaped.pose(pose)?.vertices;
         let roles = &self.roles[view.frame];
         let is_used = |pixel| !roles.is_held_out(index, pixel, self.problem.reduction);
         Ok(Some(samples(&view, &drawn, &positions, &self.shaped.model.faces, band, is_used)))
@@ -263,7 +262,7 @@ impl Refiner<'_> {
     fn cue(&self, pulls: &[Pull], pose: &Pose, factor: f64) -> Result<Cue, InvalidHandModel> {
         let Fit { edges, moving, carries, .. } = &self.fit;
         let rig = Rig { shaped: &self.shaped, edges, moving, carries, huber: STEPS[STEPS.len() - 1] };
-        let posed = pose_hand(&self.shaped.model, &[], pose)?;
+        let posed = self.shaped.pose(pose)?;
         let mut motion = VertexMotion::new(&rig, &posed);
         let mut cue = Cue::nothing(3 * moving.len() + 3);
         let mut row: Vec<(usize, DVec3)> = vec![];

@@ -17,7 +17,6 @@ pub(super) mod surface;
 use std::collections::BTreeMap;
 
 use ghand_capture::{Capture, CaptureError, Split, SplitView};
-use ghand_core::posing::pose_hand;
 use ghand_core::{Camera, InvalidHandModel, Pose};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -101,7 +100,7 @@ pub(super) fn refine(
     usable: &[bool],
     after_step: &mut dyn FnMut(&str, &[Pose]) -> bool,
 ) -> Result<(Vec<Pose>, TextureRefinement), AlignmentError> {
-    let shaped = Shaped::fixed(&fit.shaped()?.model);
+    let shaped = fit.shaped()?.known();
     let points = surface_points(&shaped.model);
     let frames: Vec<usize> = (0..images.len()).filter(|frame| usable[*frame] && !images[*frame].is_empty()).collect();
     let refiner = Refiner { fit, shaped: &shaped, points: &points, images, masks };
@@ -197,7 +196,7 @@ impl Refiner<'_> {
     ) -> Result<Vec<Observed>, InvalidHandModel> {
         let of_frame = |frame: &usize| {
             let images = &self.images[*frame];
-            observe(&self.shaped.model, self.points, &poses[*frame], images, band, |image, point| {
+            observe(self.shaped, self.points, &poses[*frame], images, band, |image, point| {
                 is_used(*frame, image, point)
             })
         };
@@ -255,7 +254,7 @@ impl Refiner<'_> {
         observed: &Observed,
         references: &References,
     ) -> Result<[Cue; 2], InvalidHandModel> {
-        let posed = pose_hand(&self.shaped.model, &[], pose)?;
+        let posed = self.shaped.pose(pose)?;
         let mut motion = VertexMotion::new(rig, &posed);
         let mut cues = [0, 1].map(|_| Cue::nothing(3 * rig.moving.len() + 3));
         let mut row: Vec<(usize, DVec3)> = vec![];

@@ -21,8 +21,13 @@ pub fn smoothed(model: &HandModel) -> HandModel {
     };
     let uv_middle = |[a, b]: &[usize; 2]| -> DVec2 { 0.5 * (model.uvs[*a] + model.uvs[*b]) };
     let with_means = |rows: &[DVec3]| -> Vec<DVec3> {
-        let mean = |row: &[DVec3]| edges.ends.iter().map(|[a, b]| 0.5 * (row[*a] + row[*b])).collect::<Vec<DVec3>>();
-        rows.chunks_exact(model.vertices.len().max(1)).flat_map(|row| [row.to_vec(), mean(row)].concat()).collect()
+        let count = model.vertices.len().max(1);
+        let mut fine = Vec::with_capacity(rows.len() / count * (count + edges.ends.len()));
+        for row in rows.chunks_exact(count) {
+            fine.extend_from_slice(row);
+            fine.extend(edges.ends.iter().map(|[a, b]| 0.5 * (row[*a] + row[*b])));
+        }
+        fine
     };
     let mean_weights = |[a, b]: &[usize; 2]| -> Vec<f64> {
         model.vertex_weights(*a).iter().zip(model.vertex_weights(*b)).map(|(x, y)| 0.5 * (x + y)).collect()

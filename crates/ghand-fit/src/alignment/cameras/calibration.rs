@@ -144,7 +144,7 @@ impl Fit<'_> {
         cameras: &[Camera],
         views: &[FrameViews],
     ) -> Result<Option<Calibration>, InvalidHandModel> {
-        let shaped = Shaped::fixed(&self.shaped()?.model);
+        let shaped = self.shaped()?.known();
         let Some(frames) = chosen_frames(views, LEAST_CAMERAS) else { return Ok(None) };
         let mut used: Vec<usize> = views.iter().flatten().map(|(camera, _)| *camera).collect();
         used.sort_unstable();
@@ -164,7 +164,7 @@ impl Fit<'_> {
                     let view = views[frames[place]].iter().find(|(camera, _)| fold.leaves_out(place, *camera));
                     let Some((_, field)) = view else { return Ok(None) };
                     let images: Images = vec![(&refined, *field)];
-                    let (_, overlaps) = self.fit_of(&shaped.model, std::slice::from_ref(pose), &[images])?;
+                    let (_, overlaps) = self.fit_of(&shaped, std::slice::from_ref(pose), &[images])?;
                     Ok(Some(1.0 - overlaps[0]))
                 };
                 let of_fold: Vec<Option<f64>> =
@@ -203,7 +203,7 @@ impl Fit<'_> {
         views: &[FrameViews],
         calibration: &mut Calibration,
     ) -> Result<(), InvalidHandModel> {
-        let shaped = Shaped::fixed(&self.shaped()?.model);
+        let shaped = self.shaped()?.known();
         let Some(frames) = chosen_frames(views, LEAST_CAMERAS) else { return Ok(()) };
         let poses = frames.iter().map(|frame| self.poses[*frame].clone()).collect();
         let start = Solution { poses, changes: calibration.changes.clone() };
@@ -221,7 +221,7 @@ impl Fit<'_> {
         views: &[FrameViews],
         changes: Vec<CameraChange>,
     ) -> Result<Vec<CameraChange>, InvalidHandModel> {
-        let shaped = Shaped::fixed(&self.shaped()?.model);
+        let shaped = self.shaped()?.known();
         let Some(frames) = chosen_frames(views, LEAST_ROUGH_CAMERAS) else { return Ok(changes) };
         let poses = frames.iter().map(|frame| self.poses[*frame].clone()).collect();
         let problem = Problem { deviations: BY_LANDMARKS, ..Problem::new(self, &shaped, given, views, &frames, None) };

@@ -138,7 +138,7 @@ impl Fit<'_> {
 
     /// How well the hand fits the masks of each camera that has enough of them.
     fn fits_of_cameras(&self, capture: &Capture, images: &[Images]) -> Result<Vec<(usize, MaskFit)>, InvalidHandModel> {
-        let template = self.shaped()?.model;
+        let shaped = self.shaped()?.known();
         let of_camera = |number: usize| -> Result<Option<(usize, MaskFit)>, InvalidHandModel> {
             let id = &capture.cameras[number].id;
             let seen = self.poses.iter().zip(images).filter_map(|(pose, images)| {
@@ -149,7 +149,7 @@ impl Fit<'_> {
             if poses.len() < LEAST_IMAGES {
                 return Ok(None);
             }
-            Ok(Some((number, self.fit_of(&template, &poses, &images)?.0)))
+            Ok(Some((number, self.fit_of(&shaped, &poses, &images)?.0)))
         };
         let fits: Vec<Option<(usize, MaskFit)>> =
             (0..capture.cameras.len()).into_par_iter().map(of_camera).collect::<Result<_, _>>()?;
@@ -166,7 +166,7 @@ impl Fit<'_> {
         [overlap, usual]: [f64; 2],
     ) -> Result<Option<(isize, f64)>, AlignmentError> {
         let camera = &capture.cameras[number];
-        let template = self.shaped()?.model;
+        let shaped = self.shaped()?.known();
         let without = |late: isize| -> Result<Option<f64>, AlignmentError> {
             // The image that shows a frame's pose is that of an earlier frame if images are late.
             let paired = frames.par_iter().zip(&self.poses).filter_map(|(frame, pose)| {
@@ -178,7 +178,7 @@ impl Fit<'_> {
                 return Ok(None);
             }
             let images: Vec<Images> = fields.iter().map(|field| vec![(camera, field)]).collect();
-            Ok(Some(self.fit_of(&template, &poses, &images)?.0.overlap))
+            Ok(Some(self.fit_of(&shaped, &poses, &images)?.0.overlap))
         };
         let mut best: Option<(isize, f64)> = None;
         for late in (-MOST_LATE..=MOST_LATE).filter(|late| *late != 0) {

@@ -5,7 +5,6 @@
 //! corrected: a pose belongs to a moment.
 
 use ghand_capture::{Capture, Split};
-use ghand_core::posing::pose_hand;
 use ghand_core::{Camera, InvalidHandModel, Pose};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -57,12 +56,12 @@ impl Fit<'_> {
         split: &Split,
         images: &[Images],
     ) -> Result<Vec<TimeOffset>, InvalidHandModel> {
-        let shaped = Shaped::fixed(&self.shaped()?.model);
+        let shaped = self.shaped()?.known();
         let mut ids: Vec<&str> = images.iter().flatten().map(|(camera, _): &(&Camera, _)| camera.id.as_str()).collect();
         ids.sort_unstable();
         ids.dedup();
         let vertices: Vec<Vec<DVec3>> = (self.poses.par_iter())
-            .map(|pose| Ok(pose_hand(&shaped.model, &[], pose)?.vertices))
+            .map(|pose| Ok(shaped.pose(pose)?.vertices))
             .collect::<Result<_, InvalidHandModel>>()?;
         let names: Vec<Option<(&str, i64)>> =
             split.frames.iter().map(|frame| numbered(&capture.frames[*frame].id)).collect();

@@ -1,6 +1,5 @@
 //! Whether the masks end where the template does, at the wrist: then its end is an outline as any other.
 
-use ghand_core::posing::pose_hand;
 use ghand_core::{Camera, InvalidHandModel, Pose};
 use rayon::prelude::*;
 
@@ -30,11 +29,11 @@ impl Fit<'_> {
     /// Whether the masks of these images end where the template does, or at a constant distance from there, by the present
     /// poses.
     pub(crate) fn masks_end_with_template(&self, images: &[Images]) -> Result<bool, InvalidHandModel> {
-        let template = self.shaped()?.model;
-        let whole = Edges::of(&template).with_arm_end();
+        let shaped = self.shaped()?.known();
+        let whole = Edges::of(&shaped.model).with_arm_end();
         let of_frame = |(pose, images): (&Pose, &Images)| -> Result<Vec<Seen>, InvalidHandModel> {
-            let positions = pose_hand(&template, &[], pose)?.vertices;
-            let normals = template.vertex_normals(&positions);
+            let positions = shaped.pose(pose)?.vertices;
+            let normals = shaped.model.vertex_normals(&positions);
             let seen = |(camera, field): &(&Camera, &DistanceField)| {
                 let contour = whole.contour(&positions, &normals, camera, field);
                 let at_end = contour.iter().filter(|point| point.edge.iter().all(|v| self.edges.is_arm_end(*v)));

@@ -15,7 +15,6 @@ use rayon::prelude::*;
 use crate::views::TrainViews;
 
 use super::rejection::rejection;
-use crate::alignment::side::is_other_hand;
 use crate::alignment::texture::surface::{NearestDepth, SurfacePoint, surface_points};
 use crate::alignment::{
     AlignmentError, Calibration, DistanceField, Fit, MaskFit, OddCamera, Rejection, Shape, TimeOffset,
@@ -117,8 +116,8 @@ pub fn review(given_capture: &Capture, whole: &Split) -> Result<Option<Review>, 
     }
     let time_offsets = fit.time_offsets(capture, &split, &images)?;
     let template = fit.shaped_template()?;
-    let fits = [fit.fit_as_given(&images)?, fit.fit_of(&fit.shaped()?.model, &fit.poses, &images)?.0];
-    let is_other = is_other_hand(&capture.template, &given, &images)?;
+    let fits = [fit.fit_as_given(&images)?, fit.fit_of(&fit.shaped()?, &fit.poses, &images)?.0];
+    let is_other = fit.is_other_hand(&images)?;
     let lengths = bone_lengths(&template).into_iter().zip(bone_lengths(&capture.template));
     let pairs = || fit.poses.iter().zip(&given).zip(&images).filter(|(_, images)| !images.is_empty()).map(|(p, _)| p);
     let angle = |found: &Pose, given: &Pose, joint: usize| {

@@ -1,5 +1,6 @@
 //! A textured hand in known poses, seen by several cameras, drawn by the mesh rasteriser in place of an avatar.
 
+use ghand_core::posing::pose_hand;
 use ghand_core::rotation::{axis_angle_from_rotation, rotation_from_axis_angle};
 use ghand_core::{Camera, Side};
 use ghand_hand_model::builtin::builtin_hand;

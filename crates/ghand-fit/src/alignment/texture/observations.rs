@@ -6,13 +6,13 @@
 
 use std::collections::BTreeMap;
 
-use ghand_core::posing::pose_hand;
-use ghand_core::{Camera, HandModel, InvalidHandModel, Pose};
+use ghand_core::{Camera, InvalidHandModel, Pose};
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
 use super::bands::{Band, Contrast};
 use super::surface::{NearestDepth, SurfacePoint};
+use crate::alignment::proportions::Shaped;
 
 /// An image shows a point if it faces the camera with at least this cosine.
 const LEAST_COSINE: f64 = 0.55;
@@ -47,20 +47,20 @@ pub type Observed = Vec<Vec<Observation>>;
 /// # Errors
 /// [`InvalidHandModel`] if the pose does not fit the template.
 pub fn observe(
-    model: &HandModel,
+    shaped: &Shaped,
     points: &[SurfacePoint],
     pose: &Pose,
     images: &Contrasts,
     band: Band,
     is_used: impl Fn(usize, &SurfacePoint) -> bool,
 ) -> Result<Observed, InvalidHandModel> {
-    let posed = pose_hand(model, &[], pose)?.vertices;
-    let normals = model.vertex_normals(&posed);
+    let posed = shaped.pose(pose)?.vertices;
+    let normals = shaped.model.vertex_normals(&posed);
     let places: Vec<(DVec3, DVec3)> =
         points.iter().map(|point| (point.mean_of(&posed), point.mean_of(&normals).normalize_or_zero())).collect();
     let mut observed = vec![vec![]; points.len()];
     for (image, (camera, contrast)) in images.iter().enumerate() {
-        let nearest = NearestDepth::new(camera, &posed, &model.faces);
+        let nearest = NearestDepth::new(camera, &posed, &shaped.model.faces);
         let center = camera.center();
         for ((own, (place, normal)), point) in observed.iter_mut().zip(&places).zip(points) {
             if !is_used(image, point) || (center - *place).normalize_or_zero().dot(*normal) < LEAST_COSINE {

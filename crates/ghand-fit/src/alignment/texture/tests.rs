@@ -1,6 +1,7 @@
 //! A textured hand in known poses, seen by eight cameras.
 
 use ghand_capture::View;
+use ghand_core::posing::pose_hand;
 use ghand_core::rotation::{axis_angle_from_rotation, rotation_from_axis_angle};
 use ghand_core::{Camera, HandModel, Side};
 use ghand_hand_model::builtin::builtin_hand;
@@ -11,6 +12,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::*;
 use crate::alignment::outlines::distance_field::DistanceField;
+use crate::alignment::proportions::Proportions;
 
 const FRAMES: usize = 5;
 
@@ -103,7 +105,7 @@ impl Scene {
     }
 
     fn shaped(&self) -> Shaped {
-        Shaped::fixed(&self.template)
+        Proportions::new(self.template.clone()).as_given()
     }
 
     /// Root mean square distance of posed vertices from their true places, metres.
@@ -213,7 +215,7 @@ fn derivatives_are_those_of_what_the_images_show() {
     let points = surface_points(&scene.template);
     let pose = &scene.given[0];
     let rig = Rig { shaped: &shaped, edges: &fit.edges, moving: &fit.moving, carries: &fit.carries, huber: 3.0 };
-    let at = |pose: &Pose, band: Band| observe(&scene.template, &points, pose, &images[0], band, |_, _| true).unwrap();
+    let at = |pose: &Pose, band: Band| observe(&shaped, &points, pose, &images[0], band, |_, _| true).unwrap();
     let posed = pose_hand(&scene.template, &[], pose).unwrap();
     let mut motion = VertexMotion::new(&rig, &posed);
     let count = 3 * fit.moving.len() + 3;
