@@ -34,6 +34,8 @@ mod regressor;
 mod shapes;
 mod skeleton;
 
+use std::sync::{Mutex, PoisonError};
+
 use ghand_core::posing::regress_joints;
 use ghand_core::{HandModel, Side};
 use glam::DVec3;
@@ -111,6 +113,21 @@ impl ProceduralHand {
     /// [`HandModelError::Invalid`] if a length is not finite, not positive or far from a hand's proportions, if
     /// `detail` is not in 1..=6, or if the parts intersect, so that no valid surface exists.
     pub fn build(&self) -> Result<HandModel, HandModelError> {
+        // Half a second each, and a program of tests asks for the same hands again and again.
+        static BUILT: Mutex<Vec<(ProceduralHand, HandModel)>> = Mutex::new(Vec::new());
+        let kept = || BUILT.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, model)) = kept().iter().find(|(hand, _)| hand == self) {
+            return Ok(model.clone());
+        }
+        let model = self.make()?;
+        let mut kept = kept();
+        if self.detail <= 2 && kept.len() < 8 {
+            kept.push((self.clone(), model.clone()));
+        }
+        Ok(model)
+    }
+
+    fn make(&self) -> Result<HandModel, HandModelError> {
         self.check()?;
         let skeleton = skeleton::Skeleton::new(self);
         let glove = Glove::sew(&skeleton, self.scale(), self.detail).ok_or_else(|| {

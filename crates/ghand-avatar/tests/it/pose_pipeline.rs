@@ -27,41 +27,40 @@ fn widen(values: &[f32]) -> Vec<f64> {
     values.iter().map(|v| f64::from(*v)).collect()
 }
 
-fn on_device(avatar: &Avatar, pose: &Pose, d_gaussians: &[f32]) -> Outcome {
-    let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
-    let mut scene = Scene::new(&gpu, &[avatar], Purpose::Gradients, 2, [16, 16]).unwrap();
+fn on_device(gpu: &Gpu, avatar: &Avatar, pose: &Pose, d_gaussians: &[f32]) -> Outcome {
+    let mut scene = Scene::new(gpu, &[avatar], Purpose::Gradients, 2, [16, 16]).unwrap();
     let (splatter, avatars) = scene.splatter_and_avatars_mut();
     let gaussians = splatter.gaussians();
     let on_device = splatter.d_gaussians();
     let posed = &mut avatars[0];
-    let backward = posed.prepare_training(&gpu, on_device, &[1.0; JOINTS]).unwrap();
+    let backward = posed.prepare_training(gpu, on_device, &[1.0; JOINTS]).unwrap();
     let properties = posed.deformation.properties();
     let d = backward.gradients();
-    let mut offset_penalty = Penalty::new(&gpu, posed.deformation.offsets(), backward.d_offsets(), 3 * COUNT);
-    let mut scale_penalty = Penalty::new(&gpu, &properties.scale, &d.scale, COUNT);
-    offset_penalty.set_weight(&gpu, OFFSET_WEIGHT);
-    scale_penalty.set_weight(&gpu, SCALE_WEIGHT);
-    posed.set_pose(&gpu, 1, pose).unwrap();
-    posed.deformation.set_frame(&gpu, 1);
+    let mut offset_penalty = Penalty::new(gpu, posed.deformation.offsets(), backward.d_offsets(), 3 * COUNT);
+    let mut scale_penalty = Penalty::new(gpu, &properties.scale, &d.scale, COUNT);
+    offset_penalty.set_weight(gpu, OFFSET_WEIGHT);
+    scale_penalty.set_weight(gpu, SCALE_WEIGHT);
+    posed.set_pose(gpu, 1, pose).unwrap();
+    posed.deformation.set_frame(gpu, 1);
     gpu.queue.write_buffer(on_device, 0, bytemuck::cast_slice(d_gaussians));
     let mut encoder = gpu.device.create_command_encoder(&Default::default());
-    posed.encode(&gpu, &mut encoder, None).unwrap();
+    posed.encode(gpu, &mut encoder, None).unwrap();
     backward.encode_point_gradients(&mut encoder);
     offset_penalty.encode(&mut encoder);
     scale_penalty.encode(&mut encoder);
     backward.encode_property_gradients(&mut encoder);
-    posed.model.trainable_mut().unwrap().backward(&gpu, &mut encoder).unwrap();
+    posed.model.trainable_mut().unwrap().backward(gpu, &mut encoder).unwrap();
     backward.encode_pose_gradient(&mut encoder);
     gpu.queue.submit([encoder.finish()]);
-    let table: Vec<f32> = buffers::read(&gpu, gaussians, 7 * COUNT).unwrap();
-    let d_pose: Vec<f32> = buffers::read(&gpu, backward.d_pose(), 3 * JOINTS + 3).unwrap();
+    let table: Vec<f32> = buffers::read(gpu, gaussians, 7 * COUNT).unwrap();
+    let d_pose: Vec<f32> = buffers::read(gpu, backward.d_pose(), 3 * JOINTS + 3).unwrap();
     let mut parts = vec![("posed".to_owned(), widen(&table))];
     parts.extend(
         posed
             .model
             .trainable_mut()
             .unwrap()
-            .parameter_gradients(&gpu)
+            .parameter_gradients(gpu)
             .unwrap()
             .iter()
             .map(|(name, d)| (name.clone(), widen(d))),
@@ -102,6 +101,7 @@ fn assert_some_are_limited(avatar: &Avatar, pose: &Pose) {
 
 #[test]
 fn the_device_agrees_with_the_exact_mathematics_forward_and_backward() {
+    let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
     for coefficients in [CoefficientLayout::PerBasis, CoefficientLayout::PerComponent] {
         for residual_weights in [ResidualWeights::Paper, ResidualWeights::ZeroSum] {
             for (residual_skeleton, plain_skinning) in [
@@ -135,7 +135,7 @@ fn the_device_agrees_with_the_exact_mathematics_forward_and_backward() {
                         assert_some_are_limited(&avatar, &pose);
                     }
                     let d_gaussians = random(10, 7 * COUNT, 1.0);
-                    let device = on_device(&avatar, &pose, &d_gaussians);
+                    let device = on_device(&gpu, &avatar, &pose, &d_gaussians);
                     let exact = in_f64(&avatar, &pose, &d_gaussians);
                     assert_eq!(
                         exact.parts.iter().filter(|(_, d)| d.is_empty()).count(),
@@ -162,13 +162,14 @@ fn the_device_agrees_with_the_exact_mathematics_forward_and_backward() {
 /// Where a sigmoid is almost 1, its derivative must not be computed from it: few digits are left.
 #[test]
 fn gradients_of_saturated_colors_and_sizes_keep_their_digits() {
+    let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
     let mut avatar = random_avatar(0, &AvatarConfig { shape_bases: 3, color_components: 2, ..Default::default() });
     let PropertyTables::Direct(tables) = &mut avatar.tables else { unreachable!() };
     // Size and base colours.
     tables.appearance[..4 * COUNT].iter_mut().for_each(|logit| *logit += 13.0);
     let pose = Pose::rest(JOINTS);
     let d_gaussians = random(10, 7 * COUNT, 1.0);
-    let [device, exact] = [on_device(&avatar, &pose, &d_gaussians), in_f64(&avatar, &pose, &d_gaussians)];
+    let [device, exact] = [on_device(&gpu, &avatar, &pose, &d_gaussians), in_f64(&avatar, &pose, &d_gaussians)];
     let of_appearance = |outcome: &Outcome| {
         let (_, values) = outcome.parts.iter().find(|(name, _)| name == "appearance").unwrap();
         values.chunks_exact(COUNT).map(<[f64]>::to_vec).collect::<Vec<_>>()
@@ -182,6 +183,7 @@ fn gradients_of_saturated_colors_and_sizes_keep_their_digits() {
 
 #[test]
 fn plain_skinning_is_skinning_with_residual_terms_of_zero_without_their_tables() {
+    let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
     let config = AvatarConfig { shape_bases: 3, color_components: 2, ..Default::default() };
     let mut corrected = random_avatar(0, &config);
     let mut plain = corrected.clone();
@@ -194,7 +196,7 @@ fn plain_skinning_is_skinning_with_residual_terms_of_zero_without_their_tables()
     let vectors: Vec<DVec3> = widen(&random(9, 3 * JOINTS, 1.0)).chunks_exact(3).map(DVec3::from_slice).collect();
     let pose = Pose { rotations: vectors, translation: DVec3::ZERO };
     let d_gaussians = random(10, 7 * COUNT, 1.0);
-    let [corrected, plain] = [&corrected, &plain].map(|avatar| on_device(avatar, &pose, &d_gaussians));
+    let [corrected, plain] = [&corrected, &plain].map(|avatar| on_device(&gpu, avatar, &pose, &d_gaussians));
     for ((name, corrected), (_, plain)) in corrected.parts.iter().zip(&plain.parts) {
         match name.as_str() {
             "residual_weights" | "skeleton_regressor" => assert!(plain.is_empty() && !corrected.is_empty()),

@@ -11,6 +11,7 @@ use ghand_core::rotation::rotation_from_axis_angle;
 use ghand_core::skinning::ResidualWeights;
 use ghand_render::splat::Purpose;
 use ghand_render::{AdapterChoice, Gpu, buffers};
+use ghand_test_support::cases;
 use glam::DVec3;
 
 /// Metres. Coordinates of a random avatar reach about 0.5 m and are sums of about fifty products in f32, with a
@@ -33,7 +34,8 @@ fn vectors(seed: u64, count: usize, size: f32) -> Vec<DVec3> {
 #[test]
 fn root_motion_moves_all_gaussians_rigidly_and_keeps_sizes_and_colours() {
     let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
-    for seed in 0..40 {
+    let count = cases(8, 40);
+    for seed in 0..count {
         let config = AvatarConfig {
             shape_bases: 3,
             color_components: 2,
@@ -49,7 +51,7 @@ fn root_motion_moves_all_gaussians_rigidly_and_keeps_sizes_and_colours() {
 
         let drawn = vectors(2000 + seed, 2, 1.0);
         // Angles cover a full turn and are rounded to f32, as the device receives them.
-        let turn = (drawn[0].normalize() * TAU * (seed as f64 + 0.5) / 40.0).as_vec3().as_dvec3();
+        let turn = (drawn[0].normalize() * TAU * (seed as f64 + 0.5) / count as f64).as_vec3().as_dvec3();
         pose.rotations[0] = turn;
         pose.translation = drawn[1] * 0.5;
         let after = posed(&gpu, &mut scene, &pose);

@@ -1,6 +1,6 @@
 //! Alignment of captures with known truth.
 
-use crate::common::{errors, make, poses, small_options};
+use crate::common::{errors, exact, exact_alignment, first, make, poses, small_options};
 use ghand_capture::Capture;
 use ghand_core::Pose;
 use ghand_core::pose_error::{moving_joints, pose_error_degrees};
@@ -11,74 +11,57 @@ use ghand_fit::alignment::{AlignmentError, align};
 use ghand_test_support::cases;
 use glam::DVec3;
 
-fn small_capture(identity: u64) -> (Capture, tempfile::TempDir) {
-    make(&small_options(identity))
+#[test]
+fn contours_correct_poses_and_proportions_of_another_hand() {
+    let (capture, aligned) = (exact(), exact_alignment());
+    let split = capture.split("train").unwrap();
+    for view in &split.views {
+        let alpha = capture.load_view(view.camera, view.frame).unwrap().rgba;
+        let mask = capture.load_hand_mask(view.camera, view.frame).unwrap();
+        assert!(alpha.iter().map(|pixel| pixel[3] == 255).eq(mask), "the mask alone is another one");
+    }
+    let [given, truth] = poses(capture, split);
+    let [before, after] = [&given, &aligned.poses].map(|poses| errors(poses, &truth));
+    println!("{before:.2?} -> {after:.2?} degrees and mm, {:.2?}", aligned.fit);
+    assert!(after[0] < 0.75 * before[0] && after[1] < 0.75 * before[1], "{before:?} {after:?}");
+    let [before, after] = aligned.fit;
+    assert!(after.contours[0] < 0.7 && after.contours[0] < 0.5 * before.contours[0], "{:?}", aligned.fit);
+    assert!(aligned.rejection.is_none() && aligned.kept.is_empty(), "{:?} {:?}", aligned.fit, aligned.kept);
 }
 
 #[test]
-fn contours_correct_poses_and_proportions_of_other_hands() {
-    for identity in [11, 3].into_iter().take(cases(1, 2)) {
-        let (capture, _folder) = small_capture(identity);
-        let split = capture.split("train").unwrap();
-        for view in &split.views {
-            let alpha = capture.load_view(view.camera, view.frame).unwrap().rgba;
-            let mask = capture.load_hand_mask(view.camera, view.frame).unwrap();
-            assert!(alpha.iter().map(|pixel| pixel[3] == 255).eq(mask), "the mask alone is another one");
-        }
-        let [given, truth] = poses(&capture, split);
-        let aligned = align(&capture, split, None, &mut |_, _| true).unwrap();
-        let moving = moving_joints(&given);
-        let error = |poses: &[Pose]| pose_error_degrees(poses, &truth, &moving);
-        let shift =
-            |poses: &[Pose]| poses.iter().zip(&truth).map(|(p, t)| p.translation.distance(t.translation)).sum::<f64>();
-        println!(
-            "identity {identity}: {:.2} -> {:.2} degrees, {:.2} -> {:.2} mm, contours {:.2?} -> {:.2?} px",
-            error(&given),
-            error(&aligned.poses),
-            1e3 * shift(&given) / 8.0,
-            1e3 * shift(&aligned.poses) / 8.0,
-            aligned.fit[0].contours,
-            aligned.fit[1].contours
-        );
-        assert!(error(&aligned.poses) < 0.75 * error(&given), "{} of {}", error(&aligned.poses), error(&given));
-        assert!(shift(&aligned.poses) < 0.75 * shift(&given));
-        let [before, after] = aligned.fit;
-        assert!(after.contours[0] < 0.7 && after.contours[0] < 0.5 * before.contours[0], "{:?}", aligned.fit);
-        assert!(aligned.rejection.is_none() && aligned.kept.is_empty(), "{:?} {:?}", aligned.fit, aligned.kept);
-        // The same bits with one thread.
-        let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
-        let again = one.install(|| align(&capture, split, None, &mut |_, _| true)).unwrap();
-        assert!(again.poses == aligned.poses && again.template == aligned.template);
-    }
+fn one_thread_gives_the_same_bits() {
+    let split = first(exact().split("train").unwrap(), cases(3, 6), cases(3, 8));
+    let with = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| align(exact(), &split, None, &mut |_, _| true)).unwrap()
+    };
+    let [one, two] = [1, 2].map(with);
+    assert!(one.poses == two.poses && one.template == two.template);
 }
 
 #[test]
 fn single_frames_are_aligned_to_a_known_template_each_for_itself() {
-    let (capture, _folder) = small_capture(3);
-    let [given, truth] = poses(&capture, capture.split("train").unwrap());
+    let (capture, template) = (exact(), &exact_alignment().template);
     let split = capture.split("train").unwrap();
-    let template = align(&capture, split, None, &mut |_, _| true).unwrap().template;
+    let [given, truth] = poses(capture, split);
     let frame = |(frame, pose): (&usize, &Pose)| SingleFrame {
         frame: *frame,
         cameras: split.cameras.clone(),
         pose: pose.clone(),
     };
     let frames: Vec<SingleFrame> = split.frames.iter().zip(&given).map(frame).collect();
-    let found = align_single_frames(&capture, &template, None, &frames).unwrap();
-    let shift =
-        |poses: &[Pose]| poses.iter().zip(&truth).map(|(p, t)| p.translation.distance(t.translation)).sum::<f64>();
-    let moving = moving_joints(&given);
-    let error = |poses: &[Pose]| pose_error_degrees(poses, &truth, &moving);
-    println!("{:.2} -> {:.2} degrees", error(&given), error(&found));
-    println!("{:.2} -> {:.2} mm", 1e3 * shift(&given) / 8.0, 1e3 * shift(&found) / 8.0);
-    assert!(shift(&found) < 0.75 * shift(&given) && error(&found) < error(&given));
-    let alone = align_single_frames(&capture, &template, None, &frames[2..3]).unwrap();
+    let found = align_single_frames(capture, template, None, &frames).unwrap();
+    let [before, after] = [&given, &found].map(|poses| errors(poses, &truth));
+    println!("{before:.2?} -> {after:.2?} degrees and mm");
+    assert!(after[0] < before[0] && after[1] < 0.75 * before[1], "{before:?} {after:?}");
+    let alone = align_single_frames(capture, template, None, &frames[2..3]).unwrap();
     assert!(alone[0] == found[2], "other frames have a part in it");
 }
 
 #[test]
 fn frames_without_masks_keep_their_poses_and_a_caller_may_stop() {
-    let (capture, folder) = small_capture(5);
+    let (capture, folder) = make(&small_options(5));
     let split = capture.split("train").unwrap();
     // In one frame every mask is empty; in another one is full.
     for camera in 0..6 {
@@ -176,17 +159,22 @@ fn a_models_own_shape_and_poses_follow_the_outlines_from_a_hand_of_another_size(
     let (capture, _folder) = make(&small_options(7));
     let split = capture.split("train").unwrap().clone();
     let [given, truth] = poses(&capture, &split);
-    let sizes = [0.0, -0.6].map(|size| {
-        let mut capture = capture.clone();
-        capture.take_shape(&[size]).unwrap();
-        let found = fit_shape(&capture, &[&split]).unwrap();
-        assert_eq!(found.rejection, None);
-        let found_poses: Vec<Pose> = split.frames.iter().map(|frame| found.poses[*frame].clone()).collect();
-        let [before, after] = [&given, &found_poses].map(|poses| errors(poses, &truth));
-        println!("from {size}: size {:.2}, {before:.2?} to {after:.2?}", size + found.shape[0]);
-        assert!(after[0] < 0.8 * before[0] && after[1] < 0.8 * before[1], "{before:?} {after:?}");
-        assert_eq!(found.shape.len(), capture.hand_model.shape_count());
-        size + found.shape[0]
-    });
-    assert!((sizes[0] - sizes[1]).abs() < 0.2, "{sizes:?}");
+    let sizes: Vec<f64> = [-0.6, 0.0]
+        .into_iter()
+        .take(cases(1, 2))
+        .map(|size| {
+            let mut capture = capture.clone();
+            capture.take_shape(&[size]).unwrap();
+            let found = fit_shape(&capture, &[&split]).unwrap();
+            assert_eq!(found.rejection, None);
+            let found_poses: Vec<Pose> = split.frames.iter().map(|frame| found.poses[*frame].clone()).collect();
+            let [before, after] = [&given, &found_poses].map(|poses| errors(poses, &truth));
+            println!("from {size}: size {:.2}, {before:.2?} to {after:.2?}", size + found.shape[0]);
+            assert!(after[0] < 0.8 * before[0] && after[1] < 0.8 * before[1], "{before:?} {after:?}");
+            assert_eq!(found.shape.len(), capture.hand_model.shape_count());
+            size + found.shape[0]
+        })
+        .collect();
+    // 0.0 is the capture's own; the person's bones are a little others.
+    assert!(sizes.iter().all(|size| (size - sizes[0]).abs() < 0.2 && size.abs() < 0.4), "{sizes:?}");
 }

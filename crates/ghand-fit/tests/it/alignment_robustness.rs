@@ -2,10 +2,10 @@
 
 use std::sync::OnceLock;
 
-use crate::common::{errors, make, poses, small_options};
+use crate::common::{errors, exact, exact_alignment, first, make, poses, small_options};
 use ghand_capture::{Capture, Split};
 use ghand_core::{HandModel, Pose, Side};
-use ghand_fit::alignment::{Rejection, align};
+use ghand_fit::alignment::{Alignment, Rejection, align};
 use ghand_hand_model::builtin::builtin_hand;
 use ghand_synthetic::SyntheticOptions;
 use ghand_test_support::{cases, long};
@@ -46,8 +46,11 @@ impl Figures {
 }
 
 fn figures(name: &str, capture: &Capture, split: &Split) -> Figures {
+    figures_of(name, capture, split, &align(capture, split, None, &mut |_, _| true).unwrap())
+}
+
+fn figures_of(name: &str, capture: &Capture, split: &Split, aligned: &Alignment) -> Figures {
     let [given, truth] = poses(capture, split);
-    let aligned = align(capture, split, None, &mut |_, _| true).unwrap();
     let contours = aligned.fit.map(|fit| fit.contours);
     let degrees = |poses: &[Pose], frame: usize| errors(&poses[frame..=frame], &truth[frame..=frame])[0];
     let worst = |worst: f64, frame| worst.max(degrees(&aligned.poses, frame) / degrees(&given, frame));
@@ -57,23 +60,17 @@ fn figures(name: &str, capture: &Capture, split: &Split) -> Figures {
         aligned: errors(&aligned.poses, &truth),
         worst_frame,
         contours,
-        rejection: aligned.rejection,
+        rejection: aligned.rejection.clone(),
     };
     let by_contours = aligned.texture.as_ref().map(|texture| errors(&texture.contour_poses, &truth));
     println!("{name}: {figures:.2?}, by contours alone {by_contours:.2?}, {:.3?}", aligned.fit);
     figures
 }
 
-/// A capture without errors of its masks.
-fn exact() -> &'static (Capture, tempfile::TempDir) {
-    static EXACT: OnceLock<(Capture, tempfile::TempDir)> = OnceLock::new();
-    EXACT.get_or_init(|| make(&small_options(3)))
-}
-
 /// Its figures.
 fn of_exact() -> &'static Figures {
     static FIGURES: OnceLock<Figures> = OnceLock::new();
-    FIGURES.get_or_init(|| figures("exact", &exact().0, exact().0.split("train").unwrap()))
+    FIGURES.get_or_init(|| figures_of("exact", exact(), exact().split("train").unwrap(), exact_alignment()))
 }
 
 fn of_options(name: &str, options: &SyntheticOptions) -> Figures {
@@ -83,16 +80,14 @@ fn of_options(name: &str, options: &SyntheticOptions) -> Figures {
 
 /// Its figures with another template.
 fn of_template(name: &str, template: HandModel) -> Figures {
-    let capture = Capture { template, ..exact().0.clone() };
+    let capture = Capture { template, ..exact().clone() };
     figures(name, &capture, capture.split("train").unwrap())
 }
 
 /// The same, from few of its images.
 fn of_wrong_template(name: &str, template: HandModel) -> Figures {
-    let capture = Capture { template, ..exact().0.clone() };
-    let all = capture.split("train").unwrap();
-    let some = |all: &[usize]| all[..cases(4, all.len())].to_vec();
-    figures(name, &capture, &Split::product(some(&all.cameras), some(&all.frames)))
+    let capture = Capture { template, ..exact().clone() };
+    figures(name, &capture, &first(capture.split("train").unwrap(), cases(4, 6), cases(4, 8)))
 }
 
 #[test]
@@ -137,14 +132,15 @@ fn bites_out_of_masks_cost_nothing() {
 
 #[test]
 fn poses_that_are_off_in_all_frames_alike_become_better() {
+    if !long() {
+        return;
+    }
     // Mean errors of 13.7 degrees and 3.8 mm; 8.0 and 1.1 remain as measured: a constant rotation and other
     // proportions explain the same contours. With a person's own bones 7.8 and 3.4: there is no telling a wrist that lies
     // elsewhere from longer metacarpals.
     let biased = SyntheticOptions { pose_bias_degrees: 6.0, ..small_options(3) };
     of_options("bias 6, own bones", &biased).assert_within([0.65, 1.0]);
-    if cases(false, true) {
-        of_options("bias 6", &SyntheticOptions { bone_spread: 0.0, ..biased }).assert_within([0.65, 0.35]);
-    }
+    of_options("bias 6", &SyntheticOptions { bone_spread: 0.0, ..biased }).assert_within([0.65, 0.35]);
 }
 
 #[test]
@@ -194,9 +190,9 @@ fn a_left_hand_is_aligned_as_well_as_a_right_one() {
 
 #[test]
 fn one_camera_is_enough_to_make_poses_better() {
-    let (capture, _) = exact();
+    let capture = exact();
     let split = capture.split("train").unwrap();
-    for camera in split.cameras.iter().take(cases(2, split.cameras.len())) {
+    for camera in split.cameras.iter().take(cases(1, split.cameras.len())) {
         let alone = Split::product(vec![*camera], split.frames.clone());
         let found = figures(&format!("camera {camera}"), capture, &alone);
         // At most 0.70 and 0.88 as measured: one camera hardly tells how far away the hand is.
@@ -208,7 +204,7 @@ fn one_camera_is_enough_to_make_poses_better() {
 #[test]
 fn a_template_of_another_size_takes_the_size_of_the_hand() {
     for factor in [0.8, 1.3].into_iter().take(cases(1, 2)) {
-        let found = of_template(&format!("template x {factor}"), scaled(&exact().0.template, factor));
+        let found = of_template(&format!("template x {factor}"), scaled(&exact().template, factor));
         // Another size moves the template's wrist, so that translations cannot be compared. 3.27 and 3.51
         // degrees as measured, where the template's own size has 3.21; and 0.4 pixels. At 1.3 images held out are not
         // explained better, so that texture refines nothing.
@@ -222,7 +218,7 @@ fn templates_that_cannot_be_right_are_refused() {
     let left = of_wrong_template("other side", builtin_hand(Side::Left).unwrap());
     assert_eq!(left.rejection, Some(Rejection::OtherHand { side: Side::Left }), "{left:?}");
     for factor in [0.1, 10.0] {
-        let found = of_wrong_template(&format!("template x {factor}"), scaled(&exact().0.template, factor));
+        let found = of_wrong_template(&format!("template x {factor}"), scaled(&exact().template, factor));
         // A small one finds some outline everywhere: 1.6 pixels off, with an overlap of 0.15.
         let is_refused = match found.rejection {
             Some(Rejection::NoMatch { distance, size }) => distance > 0.04 * size,

@@ -7,7 +7,7 @@ use ghand_core::posing::pose_hand;
 use ghand_fit::alignment::{Alignment, align};
 use ghand_hand_model::surface::arm_end::ArmEnd;
 use ghand_synthetic::{Backdrop, Masks, SyntheticOptions};
-use ghand_test_support::long;
+use ghand_test_support::{cases, long};
 use glam::DVec2;
 
 fn options(masks: Masks) -> SyntheticOptions {
@@ -97,15 +97,20 @@ fn masks_are_made_for_a_capture_without_any_and_are_those_of_the_hand() {
     let again = overlaps(&none, &hand);
     let alignment = aligned(&none);
     let error = errors_of(&none, &alignment);
-    let with_masks = errors_of(&hand, &aligned(&hand));
     let frames = none.split("train").unwrap().frames.clone();
     let mut better = none.clone();
     better.align_masks(&alignment.template, &frames, &alignment.poses);
     let remade = overlaps(&better, &hand);
-    println!("made {made:.3?}, remade {remade:.3?}; poses {error:.2?}, with masks {with_masks:.2?}");
+    println!("made {made:.3?}, remade {remade:.3?}; poses {error:.2?}");
     assert!(made[0] > 0.95 && made[1] > 0.85, "{made:?}");
     assert!(remade[0] > made[0] - 0.005, "{remade:?} after {made:?}");
     assert_eq!(made, again, "masks from the cache are others");
-    // 0.51 degrees and 0.30 mm more as measured.
-    assert!(alignment.rejection.is_none() && error[0] < with_masks[0] + 0.6 && error[1] < with_masks[1] + 0.5);
+    let [given, truth] = poses(&none, none.split("train").unwrap());
+    let given = errors(&given, &truth);
+    assert!(alignment.rejection.is_none() && error[0] < 0.75 * given[0] && error[1] < given[1], "{error:?} {given:?}");
+    if cases(false, true) {
+        // 0.51 degrees and 0.30 mm more as measured.
+        let with_masks = errors_of(&hand, &aligned(&hand));
+        assert!(error[0] < with_masks[0] + 0.6 && error[1] < with_masks[1] + 0.5, "{error:?} {with_masks:?}");
+    }
 }

@@ -96,7 +96,7 @@ fn wrong_calibrations_are_refined_and_right_ones_kept() {
 
 #[test]
 fn two_cameras_keep_their_calibration() {
-    let (capture, _folder) = make(&options(2, 8, 7));
+    let (capture, _folder) = make(&options(2, cases(4, 8), 7));
     let cameras = wrong(&capture.cameras, [0.005, 0.005, 0.0, 0.0], 5);
     let off = Capture { cameras, ..capture.clone() };
     let aligned = align(&off, capture.split("train").unwrap(), None, &mut |_, _| true).unwrap();
@@ -128,8 +128,11 @@ fn refined_cameras_are_read_again_and_those_of_another_capture_are_refused() {
 
 #[test]
 fn a_camera_that_is_late_is_told() {
-    for views in 2..=cases(2, 3) {
-        let (capture, _folder) = make(&options(views, cases(40, 60), 4));
+    if !long() {
+        return;
+    }
+    for views in 2..=3 {
+        let (capture, _folder) = make(&options(views, 60, 4));
         let split = capture.split("train").unwrap().clone();
         // Cameras with the frames by which they are told to be late.
         let told = || -> Vec<(String, f64)> {

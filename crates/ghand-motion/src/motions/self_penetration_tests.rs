@@ -10,7 +10,7 @@ use super::*;
 
 /// How many frames of a motion are checked.
 fn frames_to_check() -> usize {
-    cases(8, 20)
+    cases(4, 20)
 }
 
 /// Metres. The deepest of the frames that are checked is 1.81 mm.

@@ -188,7 +188,9 @@ fn both_uv_pieces_keep_their_orientation_and_stay_in_the_square() {
 
 #[test]
 fn the_same_lengths_give_the_same_bits() {
-    assert_eq!(ProceduralHand::default().build().unwrap(), ProceduralHand::default().build().unwrap());
+    let hand = ProceduralHand::default();
+    assert_eq!(hand.make().unwrap(), hand.make().unwrap());
+    assert_eq!(hand.build().unwrap(), hand.build().unwrap());
 }
 
 #[test]
