@@ -6,7 +6,7 @@ use ghand_core::HandModel;
 use glam::DVec3;
 
 use crate::joints::names::{JointRole, unidentified};
-use crate::surface::sample_surface;
+use crate::surface::count_texels;
 
 /// Resolutions at which texels are counted.
 const RESOLUTIONS: [u32; 5] = [64, 128, 256, 512, 1024];
@@ -35,7 +35,7 @@ pub fn inspect(model: &HandModel) -> Inspection {
     let (low, high) = bounds(model);
     let texels: Vec<(u32, usize)> = RESOLUTIONS
         .iter()
-        .map(|&resolution| (resolution, sample_surface(model, resolution).map_or(0, |samples| samples.len())))
+        .map(|&resolution| (resolution, count_texels(model, resolution).map_or(0, |[texels, _]| texels)))
         .collect();
     let uv_fill = texels.last().map_or(0.0, |(resolution, count)| *count as f64 / f64::from(*resolution).powi(2));
     let boundary_edges = edge_uses(model).values().filter(|uses| **uses == 1).count();
@@ -84,14 +84,13 @@ pub fn warnings(model: &HandModel) -> Vec<String> {
 /// What is wrong with the UV atlas, at the highest resolution.
 fn atlas_warning(model: &HandModel) -> Option<String> {
     let resolution = *RESOLUTIONS.last()?;
-    match sample_surface(model, resolution) {
-        Ok(samples) if samples.overlaps > 0 => Some(format!(
-            "the UV atlas overlaps itself at {} texels of {resolution}; parts of the hand get no Gaussians, unwrap it \
-             again",
-            samples.overlaps
+    match count_texels(model, resolution) {
+        Ok([_, overlaps]) if overlaps > 0 => Some(format!(
+            "the UV atlas overlaps itself at {overlaps} texels of {resolution}; parts of the hand get no Gaussians, \
+             unwrap it again"
         )),
-        Ok(samples) if !samples.is_empty() => None,
-        _ => Some("the UV atlas has no texels in [0, 1]^2; unwrap it again".into()),
+        Ok(_) => None,
+        Err(_) => Some("the UV atlas has no texels in [0, 1]^2; unwrap it again".into()),
     }
 }
 

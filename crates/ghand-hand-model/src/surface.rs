@@ -91,25 +91,10 @@ struct Hit {
 /// # Errors
 /// [`HandModelError::Invalid`] if `resolution` is 0 or above 4096, the model breaks its invariants, or no texel is hit.
 pub fn sample_surface(model: &HandModel, resolution: u32) -> Result<SurfaceSamples, HandModelError> {
-    let fail = |field: &str, problem: String| Err(HandModelError::invalid(model.name.clone(), field, problem));
-    if resolution == 0 || resolution > MAX_RESOLUTION {
-        return fail("UV resolution", format!("is {resolution}; choose 1 to {MAX_RESOLUTION}"));
-    }
-    model.validate()?;
-    let (hits, overlaps) = rasterize(model, resolution);
+    let (hits, overlaps, count) = hits_of(model, resolution)?;
     let vertex_normals = model.vertex_normals(&model.vertices);
     let texel_size = 1.0 / f64::from(resolution);
     let n_b = model.joint_count();
-    let count = hits.iter().flatten().count();
-    if count == 0 {
-        return fail(
-            "uv",
-            format!(
-                "no texel centre of a {resolution} x {resolution} raster is in a triangle; choose a higher resolution \
-                 or check that the atlas fills [0, 1]^2"
-            ),
-        );
-    }
     let mut samples = SurfaceSamples {
         resolution,
         joint_count: n_b,
@@ -145,6 +130,36 @@ pub fn sample_surface(model: &HandModel, resolution: u32) -> Result<SurfaceSampl
         }
     }
     Ok(samples)
+}
+
+/// How many points [`sample_surface`] finds, and at how many of them the atlas overlaps itself.
+///
+/// # Errors
+/// As of [`sample_surface`].
+pub fn count_texels(model: &HandModel, resolution: u32) -> Result<[usize; 2], HandModelError> {
+    let (_, overlaps, count) = hits_of(model, resolution)?;
+    Ok([count, overlaps])
+}
+
+/// What the texels hit, at how many the atlas overlaps itself, and how many hit anything.
+fn hits_of(model: &HandModel, resolution: u32) -> Result<(Vec<Option<Hit>>, usize, usize), HandModelError> {
+    let fail = |field: &str, problem: String| Err(HandModelError::invalid(model.name.clone(), field, problem));
+    if resolution == 0 || resolution > MAX_RESOLUTION {
+        return fail("UV resolution", format!("is {resolution}; choose 1 to {MAX_RESOLUTION}"));
+    }
+    model.validate()?;
+    let (hits, overlaps) = rasterize(model, resolution);
+    let count = hits.iter().flatten().count();
+    if count == 0 {
+        return fail(
+            "uv",
+            format!(
+                "no texel centre of a {resolution} x {resolution} raster is in a triangle; choose a higher resolution \
+                 or check that the atlas fills [0, 1]^2"
+            ),
+        );
+    }
+    Ok((hits, overlaps, count))
 }
 
 /// Signed area, positive if the corners turn from u to v.
