@@ -99,7 +99,8 @@ impl Folds<'_> {
     /// The folds that touch a point.
     pub(crate) fn at(&self, point: &SkinPoint) -> Vec<Fold> {
         let palm_part = point.palm_part();
-        let mut folds = vec![self.palm(point, palm_part)];
+        // Most points have none or one, and there are a million points.
+        let mut folds: Vec<Fold> = Some(self.palm(point, palm_part)).filter(Fold::is_seen).into_iter().collect();
         for (i, (finger, &membership)) in self.anatomy.fingers.iter().zip(point.finger_weights).enumerate() {
             let on_nail = finger.nail.as_ref().is_some_and(|nail| nail.part_of(point.position, point.normal) > 0.5);
             if membership + palm_part <= 0.2 || on_nail && membership > 0.5 {
@@ -115,10 +116,9 @@ impl Folds<'_> {
                 if k == 0 && !finger.is_thumb {
                     self.tendon(finger, point, palm_part, &mut fold);
                 }
-                folds.push(fold);
+                folds.extend(Some(fold).filter(Fold::is_seen));
             }
         }
-        folds.retain(Fold::is_seen);
         folds
     }
 
