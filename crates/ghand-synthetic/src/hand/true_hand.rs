@@ -21,6 +21,8 @@ use crate::skin::complexion::Complexion;
 use crate::skin::folds::{Bend, Fold, Folds, bent};
 use crate::skin::{Look, Skin};
 
+/// Images of fewer pixels show a hand with a millimetre or more a pixel.
+const FEW_PIXELS: u64 = 25_000;
 /// From so many pixels on, images of a hand show pores and prints.
 const MANY_PIXELS: u64 = 1_000_000;
 
@@ -31,6 +33,8 @@ pub(crate) enum Detail {
     Fine,
     /// Edges of about a millimetre: as fine as the pixels of videos, and four times as fast.
     Film,
+    /// As [`Detail::Film`], with half as many texels along each side: for images whose pixels are a millimetre or more.
+    Small,
     /// As [`Detail::Fine`], with pores and prints.
     Pores,
 }
@@ -39,7 +43,8 @@ impl Detail {
     /// What images of this size can show of a hand.
     pub fn of_images([width, height]: [u32; 2]) -> Detail {
         match u64::from(width) * u64::from(height) {
-            0..MANY_PIXELS => Detail::Fine,
+            0..FEW_PIXELS => Detail::Small,
+            FEW_PIXELS..MANY_PIXELS => Detail::Fine,
             _ => Detail::Pores,
         }
     }
@@ -47,7 +52,7 @@ impl Detail {
     fn subdivisions(self) -> usize {
         match self {
             Detail::Fine | Detail::Pores => 3,
-            Detail::Film => 2,
+            Detail::Film | Detail::Small => 2,
         }
     }
 }

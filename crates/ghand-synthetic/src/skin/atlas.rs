@@ -13,6 +13,8 @@ use crate::hand::true_hand::Detail;
 
 /// Texels of the atlas along each side: finer than the pixels of the images.
 const SIZE: usize = 1024;
+/// The same for small images.
+const SIZE_OF_SMALL: usize = 512;
 /// The same where images show pores.
 const SIZE_WITH_PORES: usize = 3072;
 /// Texels that a chart's colour reaches beyond its edge, so that bilinear sampling has no gaps.
@@ -45,7 +47,11 @@ impl Atlas {
         folds: &Folds,
         detail: Detail,
     ) -> Atlas {
-        let size = if detail == Detail::Pores { SIZE_WITH_PORES } else { SIZE };
+        let size = match detail {
+            Detail::Pores => SIZE_WITH_PORES,
+            Detail::Fine | Detail::Film => SIZE,
+            Detail::Small => SIZE_OF_SMALL,
+        };
         let owners = owners(model, size);
         let texels: Vec<Option<(Look, Vec<Fold>)>> = (owners.par_iter())
             .map(|owner| {
