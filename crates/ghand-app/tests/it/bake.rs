@@ -28,7 +28,7 @@ fn an_avatar_is_baked_within_a_loss_and_drawn_like_it() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     save_moving_avatar(folder);
-    let output = bake(folder, &["--out", "small.ghand", "--fit", "120", "--max-loss-db", "0.2"]);
+    let output = bake(folder, &["--out", "small.ghand", "--fit", "60", "--max-loss-db", "0.2"]);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let wanted = ["hand.ghand", "small.ghand", "small.json", "small.loss.png", "small.worst.png"];
     assert_eq!(listing(folder), wanted);
@@ -54,6 +54,8 @@ fn an_avatar_is_baked_within_a_loss_and_drawn_like_it() {
     assert!((38.0..90.0).contains(&psnr), "{psnr} dB");
     let output = run(GHAND, folder, &["inspect", "small.ghand"]);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let again = run(GHAND, folder, &["bake", "small.ghand", "--out", "y.ghand", "--fit", "40"]);
+    assert_one_sentence(&again, &["small.ghand", "baked already"]);
 }
 
 #[test]
@@ -80,7 +82,7 @@ fn a_size_is_kept_and_the_same_seed_gives_the_same_file() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     save_moving_avatar(folder);
-    let arguments = |out| ["--out", out, "--fit", "60", "--max-mb", "0.25", "--precision", "f16"];
+    let arguments = |out| ["--out", out, "--fit", "40", "--max-mb", "0.25", "--precision", "f16"];
     for out in ["one.ghand", "two.ghand"] {
         let output = bake(folder, &arguments(out));
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
@@ -113,9 +115,6 @@ fn what_cannot_be_baked_is_one_sentence() {
         assert_one_sentence(&output, parts);
         assert_eq!(listing(folder), ["hand.ghand"], "{arguments:?}");
     }
-    assert!(bake(folder, &["--out", "x.ghand", "--fit", "40", "--max-loss-db", "3"]).status.success());
-    let again = run(GHAND, folder, &["bake", "x.ghand", "--out", "y.ghand", "--fit", "40"]);
-    assert_one_sentence(&again, &["x.ghand", "baked already"]);
 }
 
 #[test]
@@ -129,7 +128,7 @@ fn a_baked_avatar_shows_what_training_saw() {
     let mut avatar = Avatar::load(&folder.join("hand.ghand")).unwrap();
     avatar.seen = Some((0..avatar.template.len()).map(|p| 1.0 + (p % 7) as f32).collect());
     avatar.save(&folder.join("hand.ghand")).unwrap();
-    let output = bake(folder, &["--out", "small.ghand", "--fit", "60", "--max-loss-db", "0.5"]);
+    let output = bake(folder, &["--out", "small.ghand", "--fit", "40", "--max-loss-db", "0.5"]);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     for (avatar, out) in [("hand.ghand", "a.png"), ("small.ghand", "b.png")] {
         let output = run(GHAND, folder, &[&["render", avatar, "--out", out][..], &show].concat());

@@ -7,7 +7,7 @@ use ghand_capture::capture::HandModelSource;
 use ghand_motion::{PoseOptions, read_poses};
 
 use crate::common::{RESULTS, assert_one_sentence, assert_trained, listing, run};
-use ghand_test_support::long;
+use ghand_test_support::{cases, long};
 
 const TRAIN: &str = env!("CARGO_BIN_EXE_train");
 const SHORT: [&str; 4] = ["--set", "iterations=4", "--set", "uv_resolution=32"];
@@ -41,7 +41,9 @@ fn training_starts_from_interhand() {
     let said = train(folder.path(), &["--capture", "InterHand2.6M", "--split", "train20"]);
     assert!(said.contains("6 cameras, 3 frames, 17 images"), "{said}");
     assert!(said.contains("1 of 22 images are skipped: 1 of the other hand"), "{said}");
-    train(folder.path(), &["--capture", "InterHand2.6M/images/test/Capture0", "--split", "train5"]);
+    if cases(false, true) {
+        train(folder.path(), &["--capture", "InterHand2.6M/images/test/Capture0", "--split", "train5"]);
+    }
     let output = run(TRAIN, folder.path(), &["--capture", "InterHand2.6M"]);
     assert_one_sentence(&output, &["InterHand2.6M", "MANO_RIGHT.pkl", "--hand-model"]);
 }

@@ -13,6 +13,9 @@ use serde_json::Value;
 const TRAIN: &str = env!("CARGO_BIN_EXE_train");
 const GHAND: &str = env!("CARGO_BIN_EXE_ghand");
 
+/// Where poses as given will do.
+const UNALIGNED: [&str; 2] = ["--set", "align=off"];
+
 fn train(folder: &Path, out: &str, more: &[&str]) -> Output {
     let options = ["--capture", "capture", "--out", out, "--set", "uv_resolution=32", "--set", "iterations=4"];
     run(TRAIN, folder, &[&options[..], more].concat())
@@ -51,7 +54,7 @@ fn figures(folder: &Path, out: &str) -> Vec<Value> {
 fn the_protocol_given_repeats_the_figures_of_the_training_and_others_have_their_own() {
     let folder = tempfile::tempdir().unwrap();
     small_capture_with(2, &folder.path().join("capture"));
-    let [said, _] = assert_trained(&train(folder.path(), "run", &[]));
+    let [said, _] = assert_trained(&train(folder.path(), "run", &UNALIGNED));
     assert!(said.contains("protocol `given`") && said.contains("training poses: given"), "{said}");
     let said = assert_evaluated(&evaluate(folder.path(), "given", &[]));
     assert!(said.contains("protocol `given`") && said.contains("run/poses.json"), "{said}");
@@ -95,7 +98,7 @@ fn the_protocol_given_repeats_the_figures_of_the_training_and_others_have_their_
 fn what_a_protocol_lacks_is_one_sentence() {
     let folder = tempfile::tempdir().unwrap();
     small_capture(&folder.path().join("capture"));
-    assert_trained(&train(folder.path(), "run", &[]));
+    assert_trained(&train(folder.path(), "run", &UNALIGNED));
     let refused = |more: &[&str], parts: &[&str]| {
         assert_one_sentence(&evaluate(folder.path(), "out", more), parts);
         assert!(!folder.path().join("out").exists());
@@ -135,7 +138,7 @@ fn refined_cross_scores_every_image_in_a_pose_from_other_cameras() {
         ..SyntheticOptions::default()
     };
     make_capture(&gpu, &options, &folder.path().join("capture")).unwrap();
-    assert_trained(&train(folder.path(), "run", &[]));
+    assert_trained(&train(folder.path(), "run", &UNALIGNED));
     let said = assert_evaluated(&evaluate(folder.path(), "cross", &["--protocol", "refined-cross"]));
     assert!(said.contains("6 images") && said.contains("protocol `refined-cross`"), "{said}");
     assert_ne!(figures(folder.path(), "cross")[2..], figures(folder.path(), "run")[2..]);

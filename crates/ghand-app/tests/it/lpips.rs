@@ -36,7 +36,18 @@ fn save_weights(path: &Path) {
 }
 
 fn train(folder: &Path, out: &str, more: &[&str]) -> Output {
-    let options = ["--capture", "capture", "--out", out, "--set", "uv_resolution=32", "--set", "iterations=4"];
+    let options = [
+        "--capture",
+        "capture",
+        "--out",
+        out,
+        "--set",
+        "uv_resolution=32",
+        "--set",
+        "iterations=4",
+        "--set",
+        "align=off",
+    ];
     run(TRAIN, folder, &[&options[..], more].concat())
 }
 

@@ -1,5 +1,6 @@
 //! Runs of `train` that are killed, and go on.
 
+use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
@@ -232,7 +233,7 @@ fn a_full_disk_does_not_stop_training_and_the_avatar_is_saved_when_there_is_room
     };
     let filler = disk.0.join("filler");
     std::fs::write(&filler, vec![0; (4 << 20) - (200 << 10)]).unwrap();
-    let child = Command::new(TRAIN)
+    let mut child = Command::new(TRAIN)
         .current_dir(folder.path())
         .args(options(&["--out", "run", "--set", "iterations=30", "--set", "align=off", "--checkpoint-every", "0s"]))
         .env("XDG_RUNTIME_DIR", folder.path())
@@ -240,14 +241,17 @@ fn a_full_disk_does_not_stop_training_and_the_avatar_is_saved_when_there_is_room
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
-    std::thread::sleep(Duration::from_secs(20));
+    // What it says, until it waits for room.
+    let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
+    let mut told = String::new();
+    while !told.contains("there is no room on the disk; waiting") {
+        told += &lines.next().expect("it waits for room").unwrap();
+    }
     assert!(!disk.0.join("avatar.ghand").exists(), "there was room");
     std::fs::remove_file(&filler).unwrap();
-    let output = child.wait_with_output().unwrap();
-    let said = text(&output.stdout);
-    let told = text(&output.stderr);
+    lines.for_each(|line| told += &line.unwrap());
+    let said = text(&child.wait_with_output().unwrap().stdout);
     assert!(told.contains("cannot write the checkpoint") && told.contains("training goes on"), "{said}{told}");
-    assert!(told.contains("there is no room on the disk; waiting"), "{said}{told}");
     assert!(said.contains("avatar: run/avatar.ghand"), "{said}{told}");
     // A folder that cannot be written to at all is an error before training.
     let refused = run_in(TRAIN, folder.path(), &options(&["--out", "/proc/run"]), &[]);

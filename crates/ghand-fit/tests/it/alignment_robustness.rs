@@ -221,7 +221,7 @@ fn templates_that_cannot_be_right_are_refused() {
         let found = of_wrong_template(&format!("template x {factor}"), scaled(&exact().template, factor));
         // A small one finds some outline everywhere: 1.6 pixels off, with an overlap of 0.15.
         let is_refused = match found.rejection {
-            Some(Rejection::NoMatch { distance, size }) => distance > 0.04 * size,
+            Some(Rejection::NoMatch { distance, size }) => distance > 0.035 * size,
             Some(Rejection::NoOverlap { overlap }) => overlap < 0.2,
             // Or its wrist grows over the masks.
             Some(Rejection::Proportions { ratio, .. }) => ratio > 3.0,
