@@ -14,7 +14,7 @@ const TRAIN: &str = env!("CARGO_BIN_EXE_train");
 
 /// How often each run is killed; more with GHAND_KILLS.
 fn kills() -> usize {
-    std::env::var("GHAND_KILLS").ok().and_then(|text| text.parse().ok()).unwrap_or(cases(2, 4))
+    std::env::var("GHAND_KILLS").ok().and_then(|text| text.parse().ok()).unwrap_or(cases(1, 4))
 }
 
 /// Options of a run that takes some seconds.
