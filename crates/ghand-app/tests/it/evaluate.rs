@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::process::Output;
 
-use crate::common::{assert_one_sentence, assert_trained, listing, run, small_capture, small_capture_with};
+use crate::common::{UNALIGNED, assert_one_sentence, assert_trained, listing, run, small_capture, small_capture_with};
 use ghand_avatar::Avatar;
 use ghand_render::{AdapterChoice, Gpu};
 use ghand_synthetic::SyntheticOptions;
@@ -13,12 +13,13 @@ use serde_json::Value;
 const TRAIN: &str = env!("CARGO_BIN_EXE_train");
 const GHAND: &str = env!("CARGO_BIN_EXE_ghand");
 
-/// Where poses as given will do.
-const UNALIGNED: [&str; 2] = ["--set", "align=off"];
-
 fn train(folder: &Path, out: &str, more: &[&str]) -> Output {
     let options = ["--capture", "capture", "--out", out, "--set", "uv_resolution=32", "--set", "iterations=4"];
     run(TRAIN, folder, &[&options[..], more].concat())
+}
+
+fn train_unaligned(folder: &Path, out: &str) -> Output {
+    run(TRAIN, folder, &[&["--capture", "capture", "--out", out][..], &UNALIGNED].concat())
 }
 
 fn evaluate(folder: &Path, out: &str, more: &[&str]) -> Output {
@@ -54,7 +55,7 @@ fn figures(folder: &Path, out: &str) -> Vec<Value> {
 fn the_protocol_given_repeats_the_figures_of_the_training_and_others_have_their_own() {
     let folder = tempfile::tempdir().unwrap();
     small_capture_with(2, &folder.path().join("capture"));
-    let [said, _] = assert_trained(&train(folder.path(), "run", &UNALIGNED));
+    let [said, _] = assert_trained(&train_unaligned(folder.path(), "run"));
     assert!(said.contains("protocol `given`") && said.contains("training poses: given"), "{said}");
     let said = assert_evaluated(&evaluate(folder.path(), "given", &[]));
     assert!(said.contains("protocol `given`") && said.contains("run/poses.json"), "{said}");
@@ -98,7 +99,7 @@ fn the_protocol_given_repeats_the_figures_of_the_training_and_others_have_their_
 fn what_a_protocol_lacks_is_one_sentence() {
     let folder = tempfile::tempdir().unwrap();
     small_capture(&folder.path().join("capture"));
-    assert_trained(&train(folder.path(), "run", &UNALIGNED));
+    assert_trained(&train_unaligned(folder.path(), "run"));
     let refused = |more: &[&str], parts: &[&str]| {
         assert_one_sentence(&evaluate(folder.path(), "out", more), parts);
         assert!(!folder.path().join("out").exists());
@@ -138,7 +139,7 @@ fn refined_cross_scores_every_image_in_a_pose_from_other_cameras() {
         ..SyntheticOptions::default()
     };
     make_capture(&gpu, &options, &folder.path().join("capture")).unwrap();
-    assert_trained(&train(folder.path(), "run", &UNALIGNED));
+    assert_trained(&train_unaligned(folder.path(), "run"));
     let said = assert_evaluated(&evaluate(folder.path(), "cross", &["--protocol", "refined-cross"]));
     assert!(said.contains("6 images") && said.contains("protocol `refined-cross`"), "{said}");
     assert_ne!(figures(folder.path(), "cross")[2..], figures(folder.path(), "run")[2..]);

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::process::Output;
 
-use crate::common::{assert_one_sentence, assert_trained, run, small_capture};
+use crate::common::{UNALIGNED, assert_one_sentence, assert_trained, run, small_capture};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde_json::{Value, json};
@@ -36,19 +36,8 @@ fn save_weights(path: &Path) {
 }
 
 fn train(folder: &Path, out: &str, more: &[&str]) -> Output {
-    let options = [
-        "--capture",
-        "capture",
-        "--out",
-        out,
-        "--set",
-        "uv_resolution=32",
-        "--set",
-        "iterations=4",
-        "--set",
-        "align=off",
-    ];
-    run(TRAIN, folder, &[&options[..], more].concat())
+    let options = ["--capture", "capture", "--out", out];
+    run(TRAIN, folder, &[&options[..], &UNALIGNED, more].concat())
 }
 
 fn evaluate(folder: &Path, out: &str, more: &[&str]) -> Output {

@@ -4,7 +4,9 @@ use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use crate::common::{RESULTS, assert_one_sentence, assert_trained, listing, run, small_capture, small_capture_with};
+use crate::common::{
+    RESULTS, UNALIGNED, assert_one_sentence, assert_trained, listing, run, small_capture, small_capture_with,
+};
 
 const TRAIN: &str = env!("CARGO_BIN_EXE_train");
 
@@ -126,19 +128,8 @@ fn masks_of_0_and_1_give_the_same_avatar_as_0_and_255_and_one_warning() {
     let capture = folder.path().join("capture");
     small_capture_with(0, &capture);
     let train = |out: &str| {
-        let arguments = [
-            "--capture",
-            "capture",
-            "--out",
-            out,
-            "--set",
-            "uv_resolution=32",
-            "--set",
-            "iterations=4",
-            "--set",
-            "align=off",
-        ];
-        let output = run(TRAIN, folder.path(), &arguments);
+        let arguments = ["--capture", "capture", "--out", out];
+        let output = run(TRAIN, folder.path(), &[&arguments[..], &UNALIGNED].concat());
         let warned = String::from_utf8_lossy(&output.stderr).into_owned();
         assert!(output.status.success(), "{warned}");
         (std::fs::read(folder.path().join(out).join("avatar.ghand")).unwrap(), warned)
@@ -160,19 +151,8 @@ fn unusable_images_are_skipped_with_one_warning() {
     std::fs::write(image("cam00/0000.png"), &bytes[..bytes.len() / 2]).unwrap();
     image::RgbImage::new(65, 96).save(image("cam00/0001.png")).unwrap();
     std::fs::remove_file(image("cam01/0001.png")).unwrap();
-    let arguments = [
-        "--capture",
-        "capture",
-        "--out",
-        "out",
-        "--set",
-        "uv_resolution=32",
-        "--set",
-        "iterations=4",
-        "--set",
-        "align=off",
-    ];
-    let output = run(TRAIN, folder.path(), &arguments);
+    let arguments = ["--capture", "capture", "--out", "out"];
+    let output = run(TRAIN, folder.path(), &[&arguments[..], &UNALIGNED].concat());
     let [said, warned] = assert_trained(&output);
     assert!(said.contains("4 cameras, 2 frames, 7 images"), "{said}");
     assert!(

@@ -56,8 +56,8 @@ pub(crate) fn mask_values(picture: DynamicImage) -> MaskValues {
         // As most are: of one channel and opaque.
         DynamicImage::ImageLuma8(picture) => {
             let values = picture.into_raw();
-            let opaque = vec![255; values.len()];
-            of_bytes(values, || opaque)
+            let count = values.len();
+            of_bytes(values, || vec![255; count])
         }
         _ => {
             let pixels = picture.into_rgba8();

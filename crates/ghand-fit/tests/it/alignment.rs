@@ -7,13 +7,20 @@ use ghand_core::pose_error::{moving_joints, pose_error_degrees};
 use ghand_core::rotation::{axis_angle_from_rotation, rotation_from_axis_angle};
 use ghand_fit::alignment::shape_fit::fit_shape;
 use ghand_fit::alignment::single_frames::{SingleFrame, align_single_frames};
-use ghand_fit::alignment::{AlignmentError, align};
+use ghand_fit::alignment::{Alignment, AlignmentError, align};
 use ghand_test_support::cases;
 use glam::DVec3;
 
 #[test]
-fn contours_correct_poses_and_proportions_of_another_hand() {
-    let (capture, aligned) = (exact(), exact_alignment());
+fn contours_correct_poses_and_proportions_of_other_hands() {
+    assert_corrected(exact(), exact_alignment());
+    if cases(false, true) {
+        let (capture, _folder) = make(&small_options(11));
+        assert_corrected(&capture, &align(&capture, capture.split("train").unwrap(), None, &mut |_, _| true).unwrap());
+    }
+}
+
+fn assert_corrected(capture: &Capture, aligned: &Alignment) {
     let split = capture.split("train").unwrap();
     for view in &split.views {
         let alpha = capture.load_view(view.camera, view.frame).unwrap().rgba;

@@ -2,7 +2,7 @@
 
 use std::sync::OnceLock;
 
-use crate::common::{errors, exact, exact_alignment, first, make, poses, small_options};
+use crate::common::{errors, exact, exact_alignment, make, poses, small_options};
 use ghand_capture::{Capture, Split};
 use ghand_core::{HandModel, Pose, Side};
 use ghand_fit::alignment::{Alignment, Rejection, align};
@@ -82,12 +82,6 @@ fn of_options(name: &str, options: &SyntheticOptions) -> Figures {
 fn of_template(name: &str, template: HandModel) -> Figures {
     let capture = Capture { template, ..exact().clone() };
     figures(name, &capture, capture.split("train").unwrap())
-}
-
-/// The same, from few of its images.
-fn of_wrong_template(name: &str, template: HandModel) -> Figures {
-    let capture = Capture { template, ..exact().clone() };
-    figures(name, &capture, &first(capture.split("train").unwrap(), cases(4, 6), cases(4, 8)))
 }
 
 #[test]
@@ -215,13 +209,13 @@ fn a_template_of_another_size_takes_the_size_of_the_hand() {
 
 #[test]
 fn templates_that_cannot_be_right_are_refused() {
-    let left = of_wrong_template("other side", builtin_hand(Side::Left).unwrap());
+    let left = of_template("other side", builtin_hand(Side::Left).unwrap());
     assert_eq!(left.rejection, Some(Rejection::OtherHand { side: Side::Left }), "{left:?}");
     for factor in [0.1, 10.0] {
-        let found = of_wrong_template(&format!("template x {factor}"), scaled(&exact().template, factor));
+        let found = of_template(&format!("template x {factor}"), scaled(&exact().template, factor));
         // A small one finds some outline everywhere: 1.6 pixels off, with an overlap of 0.15.
         let is_refused = match found.rejection {
-            Some(Rejection::NoMatch { distance, size }) => distance > 0.035 * size,
+            Some(Rejection::NoMatch { distance, size }) => distance > 0.04 * size,
             Some(Rejection::NoOverlap { overlap }) => overlap < 0.2,
             // Or its wrist grows over the masks.
             Some(Rejection::Proportions { ratio, .. }) => ratio > 3.0,

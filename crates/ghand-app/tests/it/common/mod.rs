@@ -27,6 +27,9 @@ pub const RESULTS: [&str; 10] = [
     "report.png",
 ];
 
+/// Options of a short training where poses as given will do.
+pub const UNALIGNED: [&str; 6] = ["--set", "uv_resolution=32", "--set", "iterations=4", "--set", "align=off"];
+
 /// Runs a program in a folder, without a display.
 pub fn run(program: &str, folder: &Path, arguments: &[&str]) -> Output {
     run_in(program, folder, arguments, &[])
