@@ -21,8 +21,8 @@ use crate::skin::complexion::Complexion;
 use crate::skin::folds::{Bend, Fold, Folds, bent};
 use crate::skin::{Look, Skin};
 
-/// Images of fewer pixels show a hand with two millimetres or more a pixel.
-const FEW_PIXELS: u64 = 10_000;
+/// Images of fewer pixels show a hand with a millimetre or more a pixel.
+const FEW_PIXELS: u64 = 25_000;
 /// From so many pixels on, images of a hand show pores and prints.
 const MANY_PIXELS: u64 = 1_000_000;
 
@@ -33,7 +33,7 @@ pub(crate) enum Detail {
     Fine,
     /// Edges of about a millimetre: as fine as the pixels of videos, and four times as fast.
     Film,
-    /// As [`Detail::Film`], with half as many texels along each side: for images whose pixels are two millimetres or more.
+    /// As [`Detail::Film`], with half as many texels along each side: for images whose pixels are a millimetre or more.
     Small,
     /// As [`Detail::Fine`], with pores and prints.
     Pores,
