@@ -157,7 +157,7 @@ fn track(
     let footage: &Footage = &source.footage;
     let (width, height) = footage.size();
     let total = footage.times().len();
-    let mut tracking = Tracking::new()?;
+    let mut tracking = Tracking::new();
     let mut frames = footage.frames()?;
     let mut rgb = vec![];
     let mut next = 0;

@@ -97,11 +97,8 @@ struct SidedHand {
 
 impl Tracking {
     /// Begins.
-    ///
-    /// # Errors
-    /// None with the networks that come with the tracker.
-    pub fn new() -> Result<Tracking, TrackerError> {
-        Ok(Tracking { tracker: HandTracker::new(2)?, frames: vec![], right: vec![], stillness: Stillness::default() })
+    pub(crate) fn new() -> Tracking {
+        Tracking { tracker: HandTracker::new(2), frames: vec![], right: vec![], stillness: Stillness::default() }
     }
 
     /// Looks at the next frame: red, green and blue, row by row.

@@ -31,7 +31,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         .spawn()?;
     let mut pictures = ffmpeg.stdout.take().ok_or("no output of ffmpeg")?;
     let mut picture = vec![0; width as usize * height as usize * 3];
-    let mut tracker = HandTracker::new(1)?;
+    let mut tracker = HandTracker::new(1);
     let mut frames = 0_u32;
     let mut found = 0_u32;
     let mut identities = 0;

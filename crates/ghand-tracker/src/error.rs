@@ -3,17 +3,6 @@
 /// Errors of the tracker.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum TrackerError {
-    /// A network's file that cannot be used; the text continues "the network ...".
-    #[error("the network {0}")]
-    Network(String),
-    /// Numbers that do not fit a network's input.
-    #[error("the network takes {expected} numbers, not {got}")]
-    Input {
-        /// Numbers that it takes.
-        expected: usize,
-        /// Numbers that were given.
-        got: usize,
-    },
     /// Landmarks at one point, or not numbers.
     #[error("landmarks that are to be seen in space are at one point, or no numbers")]
     Landmarks,

@@ -2,8 +2,12 @@
 
 use glam::{DVec2, DVec3};
 
+use crate::Region;
+use crate::network::Network;
 use crate::picture::{Outside, Picture};
-use crate::{Network, Region, TrackerError};
+
+/// MediaPipe's network, which comes with this crate.
+pub(crate) const NETWORK: &[u8] = include_bytes!("../../../assets/hand-tracker/hand_landmark_full.tflite");
 
 /// Edge of the network's input, pixels.
 const EDGE: usize = 224;
@@ -30,30 +34,24 @@ pub(crate) struct LandmarkDetector {
 
 impl LandmarkDetector {
     /// Reads the network.
-    pub fn new(bytes: &[u8]) -> Result<Self, TrackerError> {
-        let network = Network::from_tflite(bytes)?;
-        if network.input_size() != EDGE * EDGE * 3 || network.output_sizes() != [3 * LANDMARKS, 1, 1, 3 * LANDMARKS] {
-            return Err(TrackerError::Network("is not MediaPipe's hand landmark network".into()));
-        }
-        Ok(LandmarkDetector { network })
+    pub fn new() -> Self {
+        LandmarkDetector { network: Network::from_tflite(NETWORK) }
     }
 
     /// Looks at a region.
-    pub fn detect(&self, picture: Picture, region: &Region) -> Result<Landmarks, TrackerError> {
-        let outputs = self.network.run(&picture.crop(region, EDGE, Outside::Edge))?;
-        let number = |output: usize, k: usize| {
-            outputs.get(output).and_then(|numbers| numbers.get(k)).map_or(f64::NAN, |number| f64::from(*number))
-        };
+    pub fn detect(&self, picture: Picture, region: &Region) -> Landmarks {
+        let outputs = self.network.run(&picture.crop(region, EDGE, Outside::Edge));
+        let number = |output: usize, k: usize| f64::from(outputs[output][k]);
         let upright = DVec2::from_angle(region.turn);
         let pixel = |k| region.to_picture(DVec2::new(number(0, 3 * k), number(0, 3 * k + 1)) / EDGE as f64);
         let metres =
             |k| upright.rotate(DVec2::new(number(3, 3 * k), number(3, 3 * k + 1))).extend(number(3, 3 * k + 2));
-        Ok(Landmarks {
+        Landmarks {
             pixels: std::array::from_fn(pixel),
             world: std::array::from_fn(metres),
             presence: number(1, 0),
             // The network tells how certain it is of a left hand in a mirrored picture.
             right: number(2, 0),
-        })
+        }
     }
 }

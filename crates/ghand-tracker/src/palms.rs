@@ -2,9 +2,13 @@
 
 use glam::DVec2;
 
+use crate::Region;
+use crate::network::Network;
 use crate::picture::{Outside, Picture};
 use crate::region::overlap;
-use crate::{Network, Region, TrackerError};
+
+/// MediaPipe's network, which comes with this crate.
+pub(crate) const NETWORK: &[u8] = include_bytes!("../../../assets/hand-tracker/palm_detection_full.tflite");
 
 /// Edge of the network's input, pixels.
 const EDGE: usize = 192;
@@ -29,8 +33,8 @@ const WRIST: usize = 0;
 const MIDDLE_KNUCKLE: usize = 2;
 
 /// A palm, in pixels.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Palm {
+#[derive(Clone)]
+pub(crate) struct Palm {
     /// How certain it is, 0.5 to 1.
     pub score: f64,
     /// Middle of its box.
@@ -56,22 +60,16 @@ pub(crate) struct PalmDetector {
 
 impl PalmDetector {
     /// Reads the network.
-    pub fn new(bytes: &[u8]) -> Result<Self, TrackerError> {
-        let network = Network::from_tflite(bytes)?;
-        let anchors = anchors();
-        if network.input_size() != EDGE * EDGE * 3 || network.output_sizes() != [anchors.len() * NUMBERS, anchors.len()]
-        {
-            return Err(TrackerError::Network("is not MediaPipe's palm detector".into()));
-        }
-        Ok(PalmDetector { network, anchors })
+    pub fn new() -> Self {
+        PalmDetector { network: Network::from_tflite(NETWORK), anchors: anchors() }
     }
 
     /// All palms, the most certain first.
-    pub fn detect(&self, picture: Picture) -> Result<Vec<Palm>, TrackerError> {
+    pub fn detect(&self, picture: Picture) -> Vec<Palm> {
         let square = picture.square();
-        let outputs = self.network.run(&picture.crop(&square, EDGE, Outside::Black))?;
-        let [boxes, scores] = &outputs[..] else { return Ok(Vec::new()) };
-        let anchors = self.anchors.iter().zip(boxes.as_chunks::<NUMBERS>().0).zip(scores);
+        let outputs = self.network.run(&picture.crop(&square, EDGE, Outside::Black));
+        let (boxes, scores) = (outputs[0].as_chunks::<NUMBERS>().0, &outputs[1]);
+        let anchors = self.anchors.iter().zip(boxes).zip(scores);
         let mut palms: Vec<Palm> = anchors
             .filter_map(|((&anchor, numbers), &logit)| {
                 let logit = logit.clamp(-LARGEST_LOGIT, LARGEST_LOGIT);
@@ -84,7 +82,7 @@ impl PalmDetector {
             })
             .collect();
         palms.sort_by(|a, b| b.score.total_cmp(&a.score));
-        Ok(merge(palms))
+        merge(palms)
     }
 }
 

@@ -4,13 +4,9 @@ use ghand_core::Side;
 use glam::{DVec2, DVec3};
 
 use crate::landmarks::{LandmarkDetector, Landmarks};
-use crate::palms::{Palm, PalmDetector};
+use crate::palms::PalmDetector;
 use crate::picture::Picture;
 use crate::{Region, TrackerError};
-
-/// MediaPipe's networks, which come with this crate.
-const PALMS: &[u8] = include_bytes!("../../../assets/hand-tracker/palm_detection_full.tflite");
-const LANDMARKS: &[u8] = include_bytes!("../../../assets/hand-tracker/hand_landmark_full.tflite");
 
 /// Least presence of a hand.
 const LEAST_PRESENCE: f64 = 0.5;
@@ -61,35 +57,16 @@ pub struct HandTracker {
 }
 
 impl HandTracker {
-    /// A tracker of at most `most_hands` hands, with the networks that come with this crate.
-    ///
-    /// # Errors
-    /// None with these networks.
-    pub fn new(most_hands: usize) -> Result<HandTracker, TrackerError> {
-        Self::with_networks(most_hands, PALMS, LANDMARKS)
-    }
-
-    /// Like [`HandTracker::new`], with other networks of the same inputs and outputs, as bytes of `.tflite` files.
-    ///
-    /// # Errors
-    /// If a network cannot be read, or has other inputs or outputs.
-    pub fn with_networks(most_hands: usize, palms: &[u8], landmarks: &[u8]) -> Result<HandTracker, TrackerError> {
-        Ok(HandTracker {
-            palms: PalmDetector::new(palms)?,
-            landmarks: LandmarkDetector::new(landmarks)?,
+    /// A tracker of at most `most_hands` hands.
+    pub fn new(most_hands: usize) -> HandTracker {
+        HandTracker {
+            palms: PalmDetector::new(),
+            landmarks: LandmarkDetector::new(),
             most_hands,
             tracks: Vec::new(),
             next_identity: 0,
             pictures: 0,
-        })
-    }
-
-    /// The palms of a picture by themselves, the most certain first. Does not change what is followed.
-    ///
-    /// # Errors
-    /// If `rgb` is not `width` x `height` x 3 bytes.
-    pub fn find_palms(&self, rgb: &[u8], width: u32, height: u32) -> Result<Vec<Palm>, TrackerError> {
-        self.palms.detect(Picture::new(rgb, width, height)?)
+        }
     }
 
     /// The hands of the next picture, in the order in which they were found. Where no hand is followed, palms are
@@ -102,16 +79,16 @@ impl HandTracker {
         let mut hands = Vec::new();
         let mut tracks = Vec::new();
         for track in std::mem::take(&mut self.tracks) {
-            self.follow(picture, track, &mut tracks, &mut hands)?;
+            self.follow(picture, track, &mut tracks, &mut hands);
         }
         let is_due = tracks.is_empty() || self.pictures.is_multiple_of(SEARCH_EVERY);
         if tracks.len() < self.most_hands && is_due {
-            for palm in self.palms.detect(picture)? {
+            for palm in self.palms.detect(picture) {
                 let region = palm.region();
                 let is_new = tracks.iter().all(|track: &Track| track.region.overlap(&region) <= SAME_HAND);
                 if tracks.len() < self.most_hands && is_new {
                     let track = Track { identity: self.next_identity, region, right: 0.0, pictures: 0.0 };
-                    if self.follow(picture, track, &mut tracks, &mut hands)? {
+                    if self.follow(picture, track, &mut tracks, &mut hands) {
                         self.next_identity += 1;
                     }
                 }
@@ -137,28 +114,22 @@ impl HandTracker {
         if !region.is_usable() {
             return Err(TrackerError::Landmarks);
         }
-        Ok(self.landmarks.detect(Picture::new(rgb, width, height)?, &region)?.world)
+        Ok(self.landmarks.detect(Picture::new(rgb, width, height)?, &region).world)
     }
 
     /// Looks for a track's hand in its region. Adds it, with the region for the next picture, if it is there and is not
     /// one of those found before.
-    fn follow(
-        &self,
-        picture: Picture,
-        track: Track,
-        tracks: &mut Vec<Track>,
-        hands: &mut Vec<TrackedHand>,
-    ) -> Result<bool, TrackerError> {
+    fn follow(&self, picture: Picture, track: Track, tracks: &mut Vec<Track>, hands: &mut Vec<TrackedHand>) -> bool {
         if !track.region.is_usable() {
-            return Ok(false);
+            return false;
         }
-        let Landmarks { pixels, world, presence, right } = self.landmarks.detect(picture, &track.region)?;
+        let Landmarks { pixels, world, presence, right } = self.landmarks.detect(picture, &track.region);
         let next = Region::from_landmarks(&pixels);
         let is_new = tracks.iter().all(|other| other.region.overlap(&next) <= SAME_HAND);
         // Rejects NaN, too.
         let is_there = presence > LEAST_PRESENCE && next.is_usable();
         if !is_there || !is_new {
-            return Ok(false);
+            return false;
         }
         let track = Track { right: track.right + right, pictures: track.pictures + 1.0, ..track };
         let right = track.right / track.pictures;
@@ -172,6 +143,6 @@ impl HandTracker {
             region: track.region,
         });
         tracks.push(Track { region: next, ..track });
-        Ok(true)
+        true
     }
 }

@@ -118,7 +118,7 @@ fn open(paths: &[PathBuf]) -> anyhow::Result<Footage> {
 
 /// The hands of all pictures.
 fn track(footage: &Footage, most_hands: u8) -> anyhow::Result<SeenHands> {
-    let mut tracker = HandTracker::new(usize::from(most_hands))?;
+    let mut tracker = HandTracker::new(usize::from(most_hands));
     let count = footage.times().len();
     let bar = if count > 1 { ProgressBar::new(count as u64) } else { ProgressBar::hidden() };
     bar.set_style(ProgressStyle::with_template("{bar:30} {pos}/{len} pictures {elapsed} (left {eta})")?);

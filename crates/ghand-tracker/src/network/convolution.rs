@@ -35,13 +35,6 @@ impl Window {
         Window { input, output, size, stride, padding }
     }
 
-    /// A window that stays inside the input, or `None` if it is larger.
-    pub fn inside(input: [usize; 2], size: [usize; 2], stride: [usize; 2]) -> Option<Window> {
-        let is_inside = size[0] <= input[0] && size[1] <= input[1];
-        let output = [0, 1].map(|k| input[k].saturating_sub(size[k]) / stride[k] + 1);
-        is_inside.then_some(Window { input, output, size, stride, padding: [0, 0] })
-    }
-
     /// For an output pixel, the places of the window inside the input: index in the window, index of the input's pixel.
     pub fn places(&self, pixel: usize) -> impl Iterator<Item = (usize, usize)> {
         let Window { input, output, size, stride, padding: [top, left] } = *self;

@@ -1,12 +1,6 @@
-//! Bounded reading of flatbuffers: tables, vectors and numbers, each offset checked.
+//! Reading of flatbuffers: tables, vectors and numbers, little-endian and aligned or not.
 //!
-//! Reads what a TensorFlow Lite file needs, little-endian and aligned or not. Nothing is trusted: an offset that points
-//! outside of the file is an error.
-
-use crate::TrackerError;
-
-/// Most entries that a vector of tables may have.
-const MOST_TABLES: usize = 4096;
+//! For the two files that are compiled in: an offset that points outside of a file is a bug and panics.
 
 /// A table inside the bytes of a file.
 #[derive(Clone, Copy)]
@@ -15,109 +9,74 @@ pub struct Table<'a> {
     position: usize,
 }
 
-fn outside() -> TrackerError {
-    TrackerError::Network("has an offset that points outside of it".into())
-}
-
 /// `N` bytes at a position.
-fn at<const N: usize>(bytes: &[u8], position: usize) -> Result<[u8; N], TrackerError> {
-    let rest = bytes.get(position..).ok_or_else(outside)?;
-    rest.first_chunk().copied().ok_or_else(outside)
+fn at<const N: usize>(bytes: &[u8], position: usize) -> [u8; N] {
+    std::array::from_fn(|k| bytes[position + k])
 }
 
-fn u32_at(bytes: &[u8], position: usize) -> Result<u32, TrackerError> {
-    Ok(u32::from_le_bytes(at(bytes, position)?))
+fn u32_at(bytes: &[u8], position: usize) -> usize {
+    u32::from_le_bytes(at(bytes, position)) as usize
 }
 
 /// The position that the offset at `position` points to.
-fn follow(bytes: &[u8], position: usize) -> Result<usize, TrackerError> {
-    position.checked_add(u32_at(bytes, position)? as usize).filter(|&to| to < bytes.len()).ok_or_else(outside)
+fn follow(bytes: &[u8], position: usize) -> usize {
+    position + u32_at(bytes, position)
 }
 
 impl<'a> Table<'a> {
-    /// The root table of a file with this identifier.
-    ///
-    /// # Errors
-    /// If the identifier differs, or the file is too short.
-    pub fn root(bytes: &'a [u8], identifier: &[u8; 4]) -> Result<Self, TrackerError> {
-        if at::<4>(bytes, 4)? != *identifier {
-            return Err(TrackerError::Network("is not a TensorFlow Lite file".into()));
-        }
-        Ok(Table { bytes, position: follow(bytes, 0)? })
+    /// The root table of a file.
+    pub fn root(bytes: &'a [u8]) -> Self {
+        Table { bytes, position: follow(bytes, 0) }
     }
 
     /// The position of a field, or `None` if the table has the field's default.
-    fn field(&self, index: usize) -> Result<Option<usize>, TrackerError> {
-        let back = i64::from(i32::from_le_bytes(at(self.bytes, self.position)?));
-        let layout = usize::try_from(self.position as i64 - back).map_err(|_| outside())?;
-        let size = usize::from(u16::from_le_bytes(at(self.bytes, layout)?));
+    fn field(&self, index: usize) -> Option<usize> {
+        let back = i32::from_le_bytes(at(self.bytes, self.position));
+        let layout = (self.position as i64 - i64::from(back)) as usize;
+        let size = u16::from_le_bytes(at(self.bytes, layout));
         let entry = 4 + 2 * index;
-        if entry + 2 > size {
-            return Ok(None);
+        if entry + 2 > usize::from(size) {
+            return None;
         }
-        let offset = u16::from_le_bytes(at(self.bytes, layout + entry)?);
-        Ok((offset != 0).then(|| self.position + usize::from(offset)))
+        let offset = u16::from_le_bytes(at(self.bytes, layout + entry));
+        (offset != 0).then(|| self.position + usize::from(offset))
     }
 
-    /// A number of one byte, also a bool; absent: zero.
-    ///
-    /// # Errors
-    /// If an offset points outside of the file.
-    pub fn byte(&self, index: usize) -> Result<u8, TrackerError> {
-        let position = self.field(index)?;
-        position.map_or(Ok(0), |position| at::<1>(self.bytes, position).map(|[byte]| byte))
+    /// A number of one byte; absent: zero.
+    pub fn byte(&self, index: usize) -> u8 {
+        self.field(index).map_or(0, |position| self.bytes[position])
     }
 
-    /// A signed number of four bytes; absent: `default`.
-    ///
-    /// # Errors
-    /// If an offset points outside of the file.
-    pub fn int(&self, index: usize, default: i32) -> Result<i32, TrackerError> {
-        let position = self.field(index)?;
-        position.map_or(Ok(default), |position| at(self.bytes, position).map(i32::from_le_bytes))
+    /// A number of four bytes that is not negative; absent: zero.
+    pub fn number(&self, index: usize) -> usize {
+        self.field(index).map_or(0, |position| u32_at(self.bytes, position))
     }
 
     /// A table in a field.
-    ///
-    /// # Errors
-    /// If it is missing, or an offset points outside of the file.
-    pub fn table(&self, index: usize) -> Result<Table<'a>, TrackerError> {
-        let missing = || TrackerError::Network("lacks options of an operator".into());
-        let position = self.field(index)?.ok_or_else(missing)?;
-        Ok(Table { bytes: self.bytes, position: follow(self.bytes, position)? })
+    pub fn table(&self, index: usize) -> Table<'a> {
+        let Some(position) = self.field(index) else { unreachable!("a table without its field {index}") };
+        Table { bytes: self.bytes, position: follow(self.bytes, position) }
     }
 
     /// The entries of a vector whose entries have `size` bytes each; absent: empty.
-    ///
-    /// # Errors
-    /// If an offset points outside of the file.
-    pub fn vector(&self, index: usize, size: usize) -> Result<&'a [u8], TrackerError> {
-        let Some(position) = self.field(index)? else { return Ok(&[]) };
-        let start = follow(self.bytes, position)?;
-        let length = (u32_at(self.bytes, start)? as usize).checked_mul(size).ok_or_else(outside)?;
-        self.bytes.get(start + 4..).and_then(|rest| rest.get(..length)).ok_or_else(outside)
+    pub fn vector(&self, index: usize, size: usize) -> &'a [u8] {
+        self.field(index).map_or(&[], |position| {
+            let start = follow(self.bytes, position);
+            &self.bytes[start + 4..][..u32_at(self.bytes, start) * size]
+        })
     }
 
-    /// A vector of signed numbers; absent: empty.
-    ///
-    /// # Errors
-    /// If an offset points outside of the file.
-    pub fn ints(&self, index: usize) -> Result<Vec<i32>, TrackerError> {
-        Ok(self.vector(index, 4)?.as_chunks().0.iter().map(|bytes| i32::from_le_bytes(*bytes)).collect())
+    /// A vector of numbers of four bytes that are not negative; absent: empty.
+    pub fn numbers(&self, index: usize) -> Vec<usize> {
+        self.vector(index, 4).as_chunks().0.iter().map(|bytes| u32::from_le_bytes(*bytes) as usize).collect()
     }
 
     /// A vector of tables; absent: empty.
-    ///
-    /// # Errors
-    /// If it has more than 4096 entries, or an offset points outside of the file.
-    pub fn tables(&self, index: usize) -> Result<Vec<Table<'a>>, TrackerError> {
-        let Some(position) = self.field(index)? else { return Ok(Vec::new()) };
-        let entries = follow(self.bytes, position)? + 4;
-        let count = self.vector(index, 4)?.len() / 4;
-        if count > MOST_TABLES {
-            return Err(TrackerError::Network(format!("has a list of {count} parts, more than {MOST_TABLES}")));
-        }
-        let table = |k| Ok(Table { bytes: self.bytes, position: follow(self.bytes, entries + 4 * k)? });
+    pub fn tables(&self, index: usize) -> Vec<Table<'a>> {
+        let Some(position) = self.field(index) else { return Vec::new() };
+        let entries = follow(self.bytes, position) + 4;
+        let count = self.vector(index, 4).len() / 4;
+        let table = |k| Table { bytes: self.bytes, position: follow(self.bytes, entries + 4 * k) };
         (0..count).map(table).collect()
     }
 }

@@ -1,4 +1,4 @@
-//! The operators of a network. Sizes were checked when the file was read.
+//! The operators of a network.
 
 use super::convolution::{Convolution, DepthwiseConvolution, Window};
 
@@ -7,8 +7,6 @@ use super::convolution::{Convolution, DepthwiseConvolution, Window};
 pub enum Activation {
     /// Nothing.
     None,
-    /// At least zero.
-    Relu,
     /// From zero to six.
     Relu6,
 }
@@ -18,7 +16,6 @@ impl Activation {
     pub fn apply(self, values: &mut [f32]) {
         match self {
             Activation::None => {}
-            Activation::Relu => values.iter_mut().for_each(|v| *v = v.max(0.0)),
             Activation::Relu6 => values.iter_mut().for_each(|v| *v = v.clamp(0.0, 6.0)),
         }
     }
@@ -31,7 +28,7 @@ pub enum Operator {
     /// Convolves each channel by itself.
     DepthwiseConvolution(DepthwiseConvolution),
     /// Adds two tensors of one size.
-    Add(Activation),
+    Add,
     /// Multiplies negative numbers by their channel's slope.
     Prelu {
         /// By channel.
@@ -41,8 +38,8 @@ pub enum Operator {
     PadChannels {
         /// Channels of the input.
         channels: usize,
-        /// New channels before and after them.
-        padding: [usize; 2],
+        /// New channels after them.
+        padding: usize,
     },
     /// The largest of each window.
     MaxPool {
@@ -50,8 +47,6 @@ pub enum Operator {
         window: Window,
         /// Of input and output.
         channels: usize,
-        /// What follows.
-        activation: Activation,
     },
     /// Interpolates, with the middles of corner pixels half a pixel from the edge.
     ResizeBilinear {
@@ -73,8 +68,6 @@ pub enum Operator {
         weights: Vec<f32>,
         /// By output.
         bias: Vec<f32>,
-        /// What follows.
-        activation: Activation,
     },
     /// 1 / (1 + exp(-x)).
     Logistic,
@@ -90,15 +83,14 @@ pub enum Operator {
 impl Operator {
     /// Computes the output.
     pub fn run(&self, inputs: &[&[f32]], output: &mut [f32]) {
-        let Some(&input) = inputs.first() else { return };
+        let input = inputs[0];
         match self {
             Operator::Convolution(convolution) => convolution.run(input, output),
             Operator::DepthwiseConvolution(convolution) => convolution.run(input, output),
-            Operator::Add(activation) => {
+            Operator::Add => {
                 for ((sum, a), b) in output.iter_mut().zip(input).zip(inputs[1]) {
                     *sum = a + b;
                 }
-                activation.apply(output);
             }
             Operator::Prelu { slopes } => {
                 for (output, input) in output.chunks_exact_mut(slopes.len()).zip(input.chunks_exact(slopes.len())) {
@@ -107,14 +99,14 @@ impl Operator {
                     }
                 }
             }
-            Operator::PadChannels { channels, padding: [before, after] } => {
+            Operator::PadChannels { channels, padding } => {
                 output.fill(0.0);
-                let pixels = output.chunks_exact_mut(before + channels + after);
+                let pixels = output.chunks_exact_mut(channels + padding);
                 for (output, input) in pixels.zip(input.chunks_exact(*channels)) {
-                    output[*before..][..*channels].copy_from_slice(input);
+                    output[..*channels].copy_from_slice(input);
                 }
             }
-            Operator::MaxPool { window, channels, activation } => {
+            Operator::MaxPool { window, channels } => {
                 for (pixel, output) in output.chunks_exact_mut(*channels).enumerate() {
                     output.fill(f32::NEG_INFINITY);
                     for (_, from) in window.places(pixel) {
@@ -123,7 +115,6 @@ impl Operator {
                         }
                     }
                 }
-                activation.apply(output);
             }
             Operator::ResizeBilinear { from, to, channels } => resize_bilinear(input, *from, output, *to, *channels),
             Operator::Mean { channels } => {
@@ -134,11 +125,10 @@ impl Operator {
                 let pixels = (input.len() / channels) as f32;
                 output.iter_mut().for_each(|sum| *sum /= pixels);
             }
-            Operator::FullyConnected { weights, bias, activation } => {
+            Operator::FullyConnected { weights, bias } => {
                 for ((output, weights), bias) in output.iter_mut().zip(weights.chunks_exact(input.len())).zip(bias) {
                     *output = weights.iter().zip(input).map(|(w, x)| w * x).sum::<f32>() + bias;
                 }
-                activation.apply(output);
             }
             Operator::Logistic => {
                 output.iter_mut().zip(input).for_each(|(y, x)| *y = 1.0 / (1.0 + (-x).exp()));

@@ -17,7 +17,7 @@ fn found(film: &str, width: u32, height: u32) -> Option<usize> {
     let arguments = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-frames:v", &FRAMES.to_string(), "-"];
     let output = Command::new("ffmpeg").args(["-loglevel", "error", "-i"]).arg(path).args(arguments).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let mut tracker = HandTracker::new(1).unwrap();
+    let mut tracker = HandTracker::new(1);
     let frames = output.stdout.chunks_exact(width as usize * height as usize * 3);
     assert_eq!(frames.len(), FRAMES);
     Some(frames.filter(|frame| !tracker.track(frame, width, height).unwrap().is_empty()).count())

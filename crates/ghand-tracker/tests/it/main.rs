@@ -2,5 +2,4 @@
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking; clippy knows that only inside #[test]")]
 
 mod footage;
-mod networks;
 mod pictures;

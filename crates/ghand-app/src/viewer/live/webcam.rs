@@ -133,7 +133,7 @@ impl Shared {
 
     /// Tracks the newest frames until they end or nobody needs them.
     fn track(&self) -> anyhow::Result<()> {
-        let mut tracker = HandTracker::new(MOST_HANDS)?;
+        let mut tracker = HandTracker::new(MOST_HANDS);
         while !self.is_closing.load(Ordering::Relaxed) {
             let Some(frame) = self.frames.take(LOOK)? else { continue };
             let hands = tracker.track(&frame.rgb, frame.width, frame.height)?;
