@@ -15,7 +15,6 @@ mod images;
 mod joints;
 mod location;
 mod poses;
-mod write;
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::Path;
@@ -36,7 +35,6 @@ pub use annotation_counts::{AnnotationCounts, count_annotations};
 use annotations::CameraTables;
 use images::{Image, Images};
 pub(crate) use location::{Location, locate};
-pub use write::{Landmarks, rename_as_interhand, write_annotations};
 
 /// Stride of the images in the split `test`, as in HandAvatar; `test_all` has all of them.
 const TEST_STRIDE: usize = 200;
@@ -155,7 +153,7 @@ pub(crate) fn read_interhand(
     })
 }
 
-/// Exact poses of the frames, which synthetic captures have beside the annotations; the file may have more frames.
+/// Exact poses of the frames, if they are known; the file may have more frames.
 fn truth(path: &Path, frames: &[Frame], joints: &[String]) -> Result<Option<Vec<Option<Pose>>>, CaptureError> {
     let order: Vec<usize> = (0..PARENTS.len()).collect();
     let joints = JointRows { order: &order, names: joints };

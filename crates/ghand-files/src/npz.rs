@@ -1,14 +1,12 @@
-//! Reads and writes `.npz` archives: arrays by name, as `numpy.savez` and `numpy.savez_compressed` write them.
+//! Reads `.npz` archives: arrays by name, as `numpy.savez` and `numpy.savez_compressed` write them.
 
 mod array;
 mod header;
-mod write;
 
 use std::io::{Cursor, Read};
 
 pub use array::{ArrayError, NumericArray};
 pub(crate) use array::{ElementKind, ElementType, element_count};
-pub use write::{NamedNumbers, npz_bytes};
 
 use header::{Header, split_header};
 

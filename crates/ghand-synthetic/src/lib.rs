@@ -1,6 +1,6 @@
 //! A small capture with known truth: a detailed hand that is *not* the template, seen by cameras all around it.
 //!
-//! The template is the built-in hand in its mean shape, in the format of InterHand2.6M reduced to MANO's joints.
+//! The template is the built-in hand in its mean shape.
 //! The true hand is the same in the shape of a random person (`hand/random_shape.rs`, `random_bones.rs`),
 //! with a finer mesh, relief and skin that follow the pose, and volume-preserving skinning, so that the template with
 //! plain linear blend skinning has the usual errors of templates. Metacarpals of the fingers and tips stay at rest.
@@ -28,12 +28,10 @@ use std::path::Path;
 
 use ghand_capture::cameras::sampling::farthest_point_sampling;
 use ghand_capture::capture::{Capture, CaptureError, Frame, HandModelSource, ImagePaths, Split};
-use ghand_capture::interhand::{rename_as_interhand, write_annotations};
 use ghand_core::mesh::Texture;
 use ghand_core::{Camera, HandModel, Pose, Side};
 use ghand_hand_model::HandModelError;
 use ghand_hand_model::builtin::builtin_hand;
-use ghand_hand_model::files::mano::{in_mano_layout, write_mano};
 use glam::{DVec2, DVec3};
 
 use errors::poses::{PoseErrors, biased, noisy};
@@ -45,17 +43,6 @@ use hand::{anatomy, forearm, trajectory};
 use images::camera_placement;
 use images::draw::draw;
 use new_folder::{check_is_new, make_folder};
-
-/// The layout of a synthetic capture.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum CaptureFormat {
-    /// The project's own: `capture.json`, PNG images and masks.
-    #[default]
-    Ghand,
-    /// InterHand2.6M's: annotations and JPEG images of one capture, masks in `masks_removeblack`, and the hand model in
-    /// a file with MANO's keys ([`HAND_MODEL_FILE`]).
-    InterHand,
-}
 
 /// What is behind the hand in the images.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -135,14 +122,6 @@ const MOST_CAMERAS: usize = 1000;
 const MOST_FRAMES: usize = 100_000;
 /// Standard deviation of a constant error of the translation per degree of that of the joints, metres.
 const TRANSLATION_BIAS: f64 = 0.0005;
-/// Pixels around the hand without its relief, because readers of InterHand2.6M skip hands within ten pixels of the
-/// border.
-const INTERHAND_BORDER: f64 = 14.0;
-/// Least edge of an image, pixels, so that a hand has the 3000 pixels that those readers require.
-const INTERHAND_LEAST: u32 = 160;
-
-/// The hand model of a capture in the format of InterHand2.6M, in its folder.
-pub const HAND_MODEL_FILE: &str = "hand_right.npz";
 
 /// Options of a synthetic capture.
 #[derive(Debug, Clone, PartialEq)]
@@ -186,7 +165,7 @@ pub struct SyntheticOptions {
     pub twist_degrees: f64,
     /// The same, sideways.
     pub abduction_degrees: f64,
-    /// Which hand it shows. In InterHand2.6M's layout, only the right one.
+    /// Which hand it shows.
     pub side: Side,
     /// The light.
     pub light: LightSetup,
@@ -196,8 +175,6 @@ pub struct SyntheticOptions {
     pub forearm: bool,
     /// What the masks show.
     pub masks: Masks,
-    /// Its layout.
-    pub format: CaptureFormat,
 }
 
 impl Default for SyntheticOptions {
@@ -224,7 +201,6 @@ impl Default for SyntheticOptions {
             background: Backdrop::Plain,
             forearm: false,
             masks: Masks::Hand,
-            format: CaptureFormat::Ghand,
         }
     }
 }
@@ -294,33 +270,20 @@ fn draw_capture(
     let model_error = |source| CaptureError::HandModel { path: out_dir.into(), source };
     let templates = Templates::of(options).map_err(model_error)?;
     let true_hand = true_hand(options).map_err(model_error)?;
-    let mut capture = plan(options, templates, &true_hand, workshop);
-    match options.format {
-        CaptureFormat::Ghand => {
-            draw(&capture, &true_hand, options, render)?;
-            capture.save()
-        }
-        CaptureFormat::InterHand => {
-            rename_as_interhand(&mut capture);
-            draw(&capture, &true_hand, options, render)?;
-            write_mano(&workshop.join(HAND_MODEL_FILE), &capture.hand_model).map_err(model_error)?;
-            let poses = capture.truth.iter().flatten().flatten();
-            write_annotations(&capture, &poses.map(|pose| true_hand.landmarks(pose)).collect::<Vec<_>>())
-        }
-    }
+    let capture = plan(options, templates, &true_hand, workshop);
+    draw(&capture, &true_hand, options, render)?;
+    capture.save()
 }
 
 fn check(options: &SyntheticOptions, out_dir: &Path) -> Result<(), CaptureError> {
     let fail = |field: &str, problem: String| {
         Err(CaptureError::Invalid { path: out_dir.into(), field: field.into(), problem })
     };
-    // InterHand2.6M always has images in the split `test`.
-    let least_test = usize::from(options.format == CaptureFormat::InterHand);
     let counts = [
         ("views", options.views, 1, MOST_CAMERAS),
-        ("test_views", options.test_views, least_test, MOST_CAMERAS),
+        ("test_views", options.test_views, 0, MOST_CAMERAS),
         ("train_frames", options.train_frames, 1, MOST_FRAMES),
-        ("test_frames", options.test_frames, least_test, MOST_FRAMES),
+        ("test_frames", options.test_frames, 0, MOST_FRAMES),
     ];
     if let Some((field, count, least, most)) =
         counts.into_iter().find(|(_, n, least, most)| !(least..=most).contains(&n))
@@ -329,13 +292,6 @@ fn check(options: &SyntheticOptions, out_dir: &Path) -> Result<(), CaptureError>
     }
     if options.width < 16 || options.height < 16 || options.width.max(options.height) > 4096 {
         return fail("width and height", format!("{} x {}; give 16 to 4096", options.width, options.height));
-    }
-    if options.format == CaptureFormat::InterHand && options.width.min(options.height) < INTERHAND_LEAST {
-        let problem = format!(
-            "{} x {}; give at least {INTERHAND_LEAST} each: readers of InterHand2.6M skip images of smaller hands",
-            options.width, options.height
-        );
-        return fail("width and height", problem);
     }
     let noise = [
         ("pose_noise_degrees", options.pose_noise_degrees, 45.0),
@@ -347,9 +303,6 @@ fn check(options: &SyntheticOptions, out_dir: &Path) -> Result<(), CaptureError>
         ("twist_degrees", options.twist_degrees, 45.0),
         ("abduction_degrees", options.abduction_degrees, 45.0),
     ];
-    if options.format == CaptureFormat::InterHand && options.side == Side::Left {
-        return fail("side", "is left; captures in InterHand2.6M's layout show the right hand".into());
-    }
     for (field, value, most) in noise {
         if !(0.0..=most).contains(&value) {
             return fail(field, format!("is {value}; give 0 to {most}"));
@@ -358,7 +311,7 @@ fn check(options: &SyntheticOptions, out_dir: &Path) -> Result<(), CaptureError>
     check_is_new(out_dir)
 }
 
-/// The template of a format, and the right hand that it is or mirrors: all motions are made for that.
+/// The template, and the right hand that it is or mirrors: all motions are made for that.
 struct Templates {
     own: HandModel,
     right: HandModel,
@@ -366,29 +319,18 @@ struct Templates {
 
 impl Templates {
     fn of(options: &SyntheticOptions) -> Result<Templates, HandModelError> {
-        let template = |side| with_joints_of(options.format, builtin_hand(side)?);
-        Ok(Templates { own: template(options.side)?, right: template(Side::Right)? })
+        Ok(Templates { own: builtin_hand(options.side)?, right: builtin_hand(Side::Right)? })
     }
 }
 
 /// The hand in the images.
 fn true_hand(options: &SyntheticOptions) -> Result<TrueHand, HandModelError> {
     let person = random_hand(&builtin_hand(Side::Right)?, options.identity, options.bone_spread)?;
-    let person = with_joints_of(options.format, person)?;
     let detail = Detail::of_images([options.width, options.height]);
     if options.forearm {
         return Ok(TrueHand::with_forearm(forearm::with_forearm(&person)?, options.side, options.identity, detail));
     }
     Ok(TrueHand::new(&person, options.side, options.identity, detail))
-}
-
-/// The model with the joints of a format's poses: InterHand2.6M's are MANO's.
-fn with_joints_of(format: CaptureFormat, model: HandModel) -> Result<HandModel, HandModelError> {
-    match format {
-        CaptureFormat::Ghand => Ok(model),
-        CaptureFormat::InterHand => in_mano_layout(&model)
-            .ok_or_else(|| HandModelError::invalid(model.name, "joints", "their names do not identify the fingers")),
-    }
 }
 
 /// Given and true poses of the training frames, then of the test frames.
@@ -423,11 +365,7 @@ fn plan(options: &SyntheticOptions, templates: Templates, true_hand: &TrueHand, 
     let points: Vec<DVec3> = truth.iter().flat_map(|pose| true_hand.outline(pose)).collect();
     let test_views = if options.test_frames == 0 { 0 } else { options.test_views };
     let count = options.views + test_views;
-    let border = match options.format {
-        CaptureFormat::Ghand => 0.0,
-        CaptureFormat::InterHand => INTERHAND_BORDER,
-    };
-    let cameras = camera_placement::cameras(count, options.width, options.height, border, &points);
+    let cameras = camera_placement::cameras(count, options.width, options.height, &points);
     // Test cameras are spread between the others.
     let is_test = |i: usize| (i + 1) * test_views / count != i * test_views / count;
     let (test_cameras, train_cameras): (Vec<usize>, Vec<usize>) = (0..count).partition(|&i| is_test(i));

@@ -275,75 +275,6 @@ fn a_light_from_the_side_leaves_the_far_side_dark() {
 }
 
 #[test]
-fn a_capture_in_the_layout_of_interhand_is_read_back_unchanged() {
-    let folder = tempfile::tempdir().unwrap();
-    let [own, inter] = ["own", "inter"].map(|name| folder.path().join(name));
-    let options = |format| SyntheticOptions { width: 176, height: 256, format, ..options() };
-    let mut hand = |scene: &SceneMesh, camera: &Camera| {
-        // As large and as bright as readers of the data set require.
-        let mut pixels = points(scene, camera)?;
-        let on: Vec<usize> = (0..pixels.len()).filter(|&i| pixels[i][3] > 0).collect();
-        on.into_iter().flat_map(|i| [i - 1, i + 1]).for_each(|i| pixels[i] = [180, 140, 120, 255]);
-        Ok(pixels)
-    };
-    generate(&options(CaptureFormat::Ghand), &own, &mut hand).unwrap();
-    generate(&options(CaptureFormat::InterHand), &inter, &mut hand).unwrap();
-    let own = Capture::open(&own).unwrap();
-    let mano = ghand_hand_model::files::mano::read_mano(&inter.join(HAND_MODEL_FILE), &Default::default()).unwrap();
-    let open = ghand_capture::OpenOptions { mano: Some(mano), ..Default::default() };
-    let opened = Capture::open_with(&inter, &open).unwrap();
-    assert_eq!((opened.skipped_images.total(), opened.warnings), (0, vec![]), "{:?}", opened.skipped_images);
-    let mut read = opened.capture;
-    assert_eq!(read.skip_unusable_images(&["train", "test_all"]).unwrap().total(), 0);
-
-    let pairs =
-        |c: &Capture, split: &str| c.splits[split].views.iter().map(|v| (v.camera, v.frame)).collect::<Vec<_>>();
-    let order: Vec<usize> = (0..read.frames.len()).collect();
-    assert_eq!(pairs(&read, "train"), pairs(&own, "train"));
-    assert_eq!(pairs(&read, "test_all"), pairs(&own, "test"));
-    let worst = |found: &[f64], expected: &[f64]| {
-        assert_eq!(found.len(), expected.len());
-        found
-            .iter()
-            .zip(expected)
-            .map(|(a, b)| (a - b).abs())
-            .fold(0.0, |w: f64, d| if d > w || d.is_nan() { d } else { w })
-    };
-    assert!(worst(&[1.0, f64::NAN, 1.0], &[1.0; 3]).is_nan() && worst(&[1.0], &[3.0]) == 2.0);
-    // Metacarpals and tips are not part of MANO's layout.
-    let joints_of = |c: &Capture| {
-        let fingers = anatomy::Anatomy::of(&c.hand_model).fingers;
-        std::iter::once(0).chain(fingers.iter().flat_map(|finger| finger.joints)).collect::<Vec<usize>>()
-    };
-    let numbers = |c: &Capture, pose: &Pose| {
-        let rotations = joints_of(c).into_iter().map(|joint| pose.rotations[joint]);
-        rotations.chain([pose.translation]).flat_map(|v| v.to_array()).collect::<Vec<f64>>()
-    };
-    for (found, expected) in order.iter().map(|&i| (&read.frames[i], &own.frames[i])) {
-        let error = worst(&numbers(&read, &found.pose), &numbers(&own, &expected.pose));
-        assert!(error <= 1e-6, "frame {}: {error}", found.id);
-    }
-    let truth =
-        |c: &Capture| c.truth.iter().flatten().flatten().flat_map(|pose| numbers(c, pose)).collect::<Vec<f64>>();
-    assert!(worst(&truth(&read), &truth(&own)) <= 1e-6);
-    let joints =
-        |c: &Capture| joints_of(c).iter().flat_map(|&j| c.hand_model.joints[j].to_array()).collect::<Vec<f64>>();
-    assert!(worst(&joints(&read), &joints(&own)) <= 1e-6);
-    for (found, expected) in read.cameras.iter().zip(&own.cameras) {
-        let all = |c: &Camera| {
-            let columns = c.rotation.to_cols_array().to_vec();
-            [columns, c.translation.to_array().to_vec(), c.principal.to_array().to_vec()].concat()
-        };
-        let error = worst(&all(found), &all(expected));
-        assert!(error <= 1e-6, "camera {}: {error}", found.id);
-        // Images in InterHand's layout leave more room around the hand.
-        assert!(found.focal.x < expected.focal.x);
-    }
-    let (a, b) = (read.load_view(0, 0).unwrap(), own.load_view(0, 0).unwrap());
-    assert!(a.rgba.iter().filter(|p| p[3] == 255).count() > 3000 && b.rgba.len() == a.rgba.len());
-}
-
-#[test]
 fn a_capture_appears_completely_or_not_at_all() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("capture");
@@ -369,15 +300,10 @@ fn unusable_options_are_named() {
     let out = folder.path().join("capture");
     says(SyntheticOptions { views: 0, ..options() }, &out, "views");
     says(SyntheticOptions { width: 0, ..options() }, &out, "width");
-    says(SyntheticOptions { format: CaptureFormat::InterHand, ..options() }, &out, "at least 160");
-    let left = SyntheticOptions { side: Side::Left, width: 200, height: 200, ..options() };
-    says(SyntheticOptions { format: CaptureFormat::InterHand, ..left }, &out, "side: is left");
     says(SyntheticOptions { pose_bias_degrees: -1.0, ..options() }, &out, "pose_bias_degrees: is -1; give 0 to 45");
     says(SyntheticOptions { mask_noise_pixels: 11.0, ..options() }, &out, "mask_noise_pixels: is 11; give 0 to 10");
     says(SyntheticOptions { twist_degrees: f64::INFINITY, ..options() }, &out, "twist_degrees");
     says(SyntheticOptions { abduction_degrees: 50.0, ..options() }, &out, "abduction_degrees");
-    let untested = SyntheticOptions { test_frames: 0, width: 200, height: 200, ..options() };
-    says(SyntheticOptions { format: CaptureFormat::InterHand, ..untested }, &out, "test_frames: is 0");
     says(SyntheticOptions { views: 100_000, ..options() }, &out, "views: is 100000; give 1 to 1000");
     says(SyntheticOptions { pose_noise_degrees: f64::NAN, ..options() }, &out, "pose_noise_degrees");
     std::fs::create_dir(&out).unwrap();

@@ -2,4 +2,5 @@
 #![allow(clippy::unwrap_used, missing_docs, reason = "a test fails by panicking, and is read with its helpers")]
 
 pub mod hands;
+pub mod model;
 pub mod python;

@@ -10,7 +10,7 @@ use clap::Args;
 use ghand_core::Side;
 use ghand_files::claim::Claim;
 use ghand_synthetic::make_capture::make_capture;
-use ghand_synthetic::{Backdrop, CaptureFormat, LightSetup, Masks, SyntheticOptions};
+use ghand_synthetic::{Backdrop, LightSetup, Masks, SyntheticOptions};
 
 use self::footage::FootageArgs;
 use crate::cli::{AdapterArgs, parse_size};
@@ -89,9 +89,6 @@ pub struct MakeCaptureArgs {
     /// What the masks show. hand: the hand alone. arm: the hand and its forearm. none: there are no masks
     #[arg(long, value_name = "WHAT", default_value = "hand", value_parser = MASKS.map(|(name, _)| name))]
     masks: String,
-    /// ghand: a capture.json. interhand: the folders and files of InterHand2.6M, with a hand model in MANO's layout
-    #[arg(long, value_name = "FORMAT", default_value = "ghand", value_parser = ["ghand", "interhand"])]
-    format: String,
     #[command(flatten)]
     footage: FootageArgs,
 }
@@ -119,9 +116,6 @@ const LIGHTS: [(&str, LightSetup); 6] = [
 fn check(args: &MakeCaptureArgs) -> anyhow::Result<()> {
     if args.masks == "arm" && !args.forearm {
         bail!("--masks arm: there is no forearm; give --forearm, or omit --masks");
-    }
-    if args.masks == "none" && args.format == "interhand" {
-        bail!("--masks none: captures in InterHand2.6M's layout have masks; omit it");
     }
     if args.masks == "none" && args.mask_noise.is_some_and(|noise| noise > 0.0) {
         bail!("--mask-noise: with --masks none there are no masks; omit one of the two");
@@ -170,7 +164,6 @@ pub fn run(args: &MakeCaptureArgs, adapter: &AdapterArgs) -> anyhow::Result<()> 
         background: if args.background == "clutter" { Backdrop::Clutter } else { Backdrop::Plain },
         forearm: args.forearm,
         masks: MASKS.iter().find(|(name, _)| args.masks == *name).map_or(defaults.masks, |(_, masks)| *masks),
-        format: if args.format == "interhand" { CaptureFormat::InterHand } else { CaptureFormat::Ghand },
         ..defaults
     };
     let _claim = Claim::beside(&args.out)?;
@@ -182,12 +175,6 @@ pub fn run(args: &MakeCaptureArgs, adapter: &AdapterArgs) -> anyhow::Result<()> 
     let folder = args.out.display();
     let seconds = start.elapsed().as_secs_f64();
     say!("{folder}: {images} images of {width} x {height} in {seconds:.1} s");
-    match options.format {
-        CaptureFormat::Ghand => say!("train on it: train --capture {folder}"),
-        CaptureFormat::InterHand => say!(
-            "train on it: train --capture {folder} --hand-model {folder}/{} --test-split test_all",
-            ghand_synthetic::HAND_MODEL_FILE
-        ),
-    }
+    say!("train on it: train --capture {folder}");
     Ok(())
 }

@@ -1,13 +1,12 @@
-//! `ghand capture` makes captures that `train` starts from.
+//! `ghand capture` makes captures.
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use crate::common::{assert_one_sentence, assert_trained, listing, run, run_in};
+use crate::common::{assert_one_sentence, listing, run, run_in};
 use ghand_test_support::long;
 
 const GHAND: &str = env!("CARGO_BIN_EXE_ghand");
-const TRAIN: &str = env!("CARGO_BIN_EXE_train");
 const SMALL: [&str; 10] =
     ["--views", "2", "--train-frames", "2", "--test-views", "1", "--test-frames", "1", "--size", "160x240"];
 
@@ -78,19 +77,6 @@ fn harder_captures_differ_by_what_their_options_say() {
 }
 
 #[test]
-fn training_starts_from_a_capture_in_the_layout_of_interhand() {
-    let folder = tempfile::tempdir().unwrap();
-    let said = make(folder.path(), "inter", &["--format", "interhand"]);
-    assert!(said.contains("--hand-model inter/hand_right.npz --test-split test_all"), "{said}");
-    let arguments = ["--capture", "inter", "--hand-model", "inter/hand_right.npz", "--test-split", "test_all"];
-    let short = ["--set", "iterations=4", "--set", "uv_resolution=32", "--out", "out"];
-    let output = run(TRAIN, folder.path(), &[&arguments[..], &short].concat());
-    let said = assert_trained(&output).concat();
-    assert!(said.contains("2 cameras, 2 frames, 4 images") && said.contains("pose error: "), "{said}");
-    assert!(!said.contains("are skipped"), "{said}");
-}
-
-#[test]
 fn a_capture_that_cannot_be_made_is_one_sentence_and_leaves_no_files() {
     let folder = tempfile::tempdir().unwrap();
     let fails = |arguments: &[&str], parts: &[&str]| {
@@ -99,8 +85,6 @@ fn a_capture_that_cannot_be_made_is_one_sentence_and_leaves_no_files() {
     fails(&["--out", "a", "--views", "0"], &["views", "0"]);
     fails(&["--out", "a", "--pose-noise", "inf"], &["pose_noise", "inf"]);
     fails(&["--out", "a", "--mask-noise", "20"], &["mask_noise", "20", "10"]);
-    fails(&["--out", "a", "--side", "left", "--format", "interhand"], &["side", "left", "right"]);
-    fails(&["--out", "a", "--size", "96x144", "--format", "interhand"], &["96 x 144", "160"]);
     fails(&["--out", "a", "--size", "5000x400"], &["5000"]);
     assert_eq!(listing(folder.path()), Vec::<String>::new());
     std::fs::create_dir(folder.path().join("mine")).unwrap();

@@ -102,7 +102,6 @@ fn options_that_need_another_are_refused_without_it() {
         ("ghand explain hand.ghand --out e", "laboratory: ghand-lab explain hand.ghand --out e"),
         ("ghand capture --out C --masks arm", "--masks arm"),
         ("ghand capture --out C --masks none --mask-noise 2", "--mask-noise"),
-        ("ghand capture --out C --masks none --format interhand", "--masks none"),
         ("ghand capture --out C --test-frames 3 --test-views 0", "--test-frames"),
     ] {
         refused(folder.path(), line, &[option]);

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use ghand_hand_model::files::mano::write_mano;
+use ghand_test_support::mano_files::model::write_mano;
 use ghand_test_support::procedural_hand::ProceduralHand;
 
 use crate::common::{assert_one_sentence, listing, run, save_avatar, small_capture};
@@ -78,7 +78,7 @@ fn a_scene_fills_its_panel_despite_units_and_outliers() {
 fn a_hand_model_is_shown_as_an_untrained_hand_that_can_be_posed() {
     let folder = tempfile::tempdir().unwrap();
     let model = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();
-    write_mano(&folder.path().join("right.npz"), &model).unwrap();
+    write_mano(&folder.path().join("right.npz"), &model);
     let shot = |pose: &str| {
         let arguments = ["right.npz", "--screenshot", "shot.png", "--size", "500x240", "--pose", pose];
         let output = run(VIEWER, folder.path(), &arguments);

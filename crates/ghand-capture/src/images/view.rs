@@ -61,7 +61,7 @@ impl View {
 
 /// The box of the mask, grown by `margin` pixels and clipped to the image, as x, y, width, height; the whole image if
 /// the mask is empty.
-pub(crate) fn crop_box(pixels: &[[u8; 4]], width: u32, height: u32, margin: u32) -> [u32; 4] {
+fn crop_box(pixels: &[[u8; 4]], width: u32, height: u32, margin: u32) -> [u32; 4] {
     let mut low = [u32::MAX; 2];
     let mut high = [0; 2];
     for (y, row) in (0..).zip(pixels.chunks_exact(width.max(1) as usize)) {

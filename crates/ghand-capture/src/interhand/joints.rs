@@ -17,11 +17,9 @@ use crate::reading::json_stream::{ForEach, Keys, Numbers, Object, read_streaming
 
 /// The annotation's joint for each of MANO's: right hand first, every finger from its tip to its base, thumb to little
 /// finger, then the wrist.
-pub(super) const OF_MANO: [usize; 16] = [20, 7, 6, 5, 11, 10, 9, 19, 18, 17, 15, 14, 13, 3, 2, 1];
-/// The annotation's tips of the fingers in MANO's order.
-pub(super) const TIPS: [usize; 5] = [4, 8, 16, 12, 0];
+const OF_MANO: [usize; 16] = [20, 7, 6, 5, 11, 10, 9, 19, 18, 17, 15, 14, 13, 3, 2, 1];
 /// Joints of one hand.
-pub(super) const JOINTS: usize = 21;
+const JOINTS: usize = 21;
 /// Frames that are compared: enough for a mean.
 const COMPARED: usize = 32;
 /// Mean distance above which model and poses do not match, metres: the fits are published with about 5 mm,

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use ghand_core::posing::pose_hand;
 use ghand_core::{Camera, HandModel, Pose, PoseSpace, Side};
 use ghand_datasets::Written;
-use ghand_hand_model::files::mano::write_mano;
 use ghand_test_support::mano_files::hands::number;
+use ghand_test_support::mano_files::model::write_mano;
 use ghand_test_support::procedural_hand::ProceduralHand;
 use glam::DVec3;
 
@@ -28,7 +28,7 @@ impl Mano {
         model.pose_space = Some(PoseSpace { mean, components });
         let name = if side == Side::Right { "MANO_RIGHT.npz" } else { "MANO_LEFT.npz" };
         let path = folder.join(name);
-        write_mano(&path, &model).unwrap();
+        write_mano(&path, &model);
         Mano { model, path }
     }
 

@@ -7,10 +7,8 @@
 mod body;
 mod build;
 mod fields;
-mod layout;
 mod named_arrays;
 mod side;
-mod write;
 
 use std::path::{Path, PathBuf};
 
@@ -22,9 +20,7 @@ use super::obj::read_obj_uvs;
 use crate::HandModelError;
 use crate::surface::uv_atlas::build_atlas;
 use fields::Fields;
-pub use layout::in_mano_layout;
 pub use named_arrays::NamedArrays;
-pub use write::write_mano;
 
 /// MANO's joints in MANO's order.
 pub const JOINT_NAMES: [&str; 16] = [

@@ -3,7 +3,6 @@
 //! It has no pose correctives: volume-preserving skinning poses it, and its folds. It is made as a right hand; a left
 //! one is mirrored after that.
 
-use ghand_capture::interhand::Landmarks;
 use ghand_core::mesh::{RenderMesh, Texture};
 use ghand_core::skeleton::pose_skeleton;
 use ghand_core::{HandModel, Pose, Side};
@@ -205,16 +204,6 @@ impl TrueHand {
         let outline =
             pose_vertices(&self.model, &self.model.vertices[..self.coarse_vertices], &self.as_right_hand(pose));
         outline.into_iter().map(|point| self.placed(point)).collect()
-    }
-
-    /// Joints of the posed hand, in the model's order, then the tips of its fingers, in that of the anatomy; world, metres.
-    pub(crate) fn landmarks(&self, pose: &Pose) -> Landmarks {
-        let joints = self.joints(pose);
-        let pose = &self.as_right_hand(pose);
-        let motions = pose_skeleton(&self.model.parents, &self.model.joints, &pose.rotations).posed_from_rest;
-        let tips = self.anatomy.fingers.iter().map(|f| motions[f.joints[2]].apply(f.points[3]));
-        let mut points = joints.into_iter().chain(tips.map(|p| self.placed(p + pose.translation)));
-        std::array::from_fn(|_| points.next().unwrap_or_default())
     }
 
     /// The right hand's pose that is this pose of the hand, with the forearm straight.

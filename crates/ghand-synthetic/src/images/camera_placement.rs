@@ -11,8 +11,8 @@ const LARGEST_COSINE: f64 = 0.72;
 const FILL: f64 = 0.94;
 
 /// `count` cameras, evenly spread around `points` (every vertex of every frame, world axes), each with the focal length that
-/// just keeps all of them inside its image, at least `border` pixels from its edges.
-pub(crate) fn cameras(count: usize, width: u32, height: u32, border: f64, points: &[DVec3]) -> Vec<Camera> {
+/// just keeps all of them inside its image.
+pub(crate) fn cameras(count: usize, width: u32, height: u32, points: &[DVec3]) -> Vec<Camera> {
     let (low, high) = points.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(*p), h.max(*p)));
     let middle = (low + high) * 0.5;
     let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
@@ -22,13 +22,13 @@ pub(crate) fn cameras(count: usize, width: u32, height: u32, border: f64, points
             let (sin, cos) = (golden * i as f64).sin_cos();
             let across = (1.0 - y * y).sqrt();
             let eye = middle + RADIUS * DVec3::new(cos * across, y, sin * across);
-            Camera { id: format!("cam{i:02}"), ..aimed(eye, middle, width, height, border, points) }
+            Camera { id: format!("cam{i:02}"), ..aimed(eye, middle, width, height, points) }
         })
         .collect()
 }
 
 /// A camera at `eye` that has the points in the middle of its image, as large as fits.
-fn aimed(eye: DVec3, middle: DVec3, width: u32, height: u32, border: f64, points: &[DVec3]) -> Camera {
+fn aimed(eye: DVec3, middle: DVec3, width: u32, height: u32, points: &[DVec3]) -> Camera {
     // Fingers point up in the images.
     let look_at = |target| Camera::look_at(eye, target, DVec3::NEG_Y, 0.5, width, height);
     let mut camera = look_at(middle);
@@ -39,8 +39,7 @@ fn aimed(eye: DVec3, middle: DVec3, width: u32, height: u32, border: f64, points
     }
     let (low, high) = tangent_bounds(&camera, points);
     let reach = high.max(-low).max(DVec2::splat(1e-6));
-    let fill = (FILL * camera.principal).min(camera.principal - border);
-    let focal = (fill / reach).min_element();
+    let focal = (FILL * camera.principal / reach).min_element();
     Camera { focal: DVec2::splat(focal), ..camera }
 }
 

@@ -6,7 +6,6 @@ use ghand_capture::capture::{Capture, CaptureError, fill_template};
 use ghand_core::Camera;
 use ghand_files::atomic_file::write_atomically;
 use glam::DVec3;
-use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
 
@@ -19,9 +18,6 @@ use crate::errors::masks::MaskErrors;
 use crate::hand::forearm::bend;
 use crate::hand::true_hand::{PosedTrueHand, TrueHand};
 use crate::{Backdrop, LightSetup, Masks, RenderScene, SceneLighting, SceneMesh, SyntheticOptions};
-
-/// From 0 to 100.
-const JPEG_QUALITY: u8 = 95;
 
 /// Renders and writes the image and mask of every pair of the splits `train` and `test`. Only masks of `train` have
 /// errors.
@@ -131,7 +127,7 @@ impl Shot<'_> {
     }
 }
 
-/// Writes a JPEG if the path says so, else a PNG.
+/// Writes a PNG.
 pub(crate) fn write_image(
     path: &Path,
     what: &'static str,
@@ -140,17 +136,9 @@ pub(crate) fn write_image(
     color: ExtendedColorType,
 ) -> Result<(), CaptureError> {
     let mut bytes = Vec::new();
-    let encoded = if path.extension().is_some_and(|e| e == "jpg") {
-        JpegEncoder::new_with_quality(&mut bytes, JPEG_QUALITY).write_image(pixels, camera.width, camera.height, color)
-    } else {
-        PngEncoder::new_with_quality(&mut bytes, CompressionType::Fast, FilterType::Adaptive).write_image(
-            pixels,
-            camera.width,
-            camera.height,
-            color,
-        )
-    };
-    encoded.map_err(|source| CaptureError::Image { path: path.into(), what, source })?;
+    PngEncoder::new_with_quality(&mut bytes, CompressionType::Fast, FilterType::Adaptive)
+        .write_image(pixels, camera.width, camera.height, color)
+        .map_err(|source| CaptureError::Image { path: path.into(), what, source })?;
     let written = match path.parent() {
         Some(folder) => std::fs::create_dir_all(folder).and_then(|()| write_atomically(path, &bytes)),
         None => write_atomically(path, &bytes),

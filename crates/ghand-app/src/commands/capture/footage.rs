@@ -17,7 +17,7 @@ use crate::train_run::interruption::Interruption;
 /// How long the calibration board is shown.
 const BOARD_SECONDS: f64 = 5.0;
 /// Options of captures that footage does not have.
-const OF_CAPTURES: [&str; 15] = [
+const OF_CAPTURES: [&str; 14] = [
     "test_views",
     "train_frames",
     "test_frames",
@@ -32,7 +32,6 @@ const OF_CAPTURES: [&str; 15] = [
     "background",
     "forearm",
     "masks",
-    "format",
 ];
 
 /// Options of footage.

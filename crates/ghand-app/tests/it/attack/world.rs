@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use ghand_avatar::{Avatar, AvatarConfig};
-use ghand_hand_model::files::mano::write_mano;
+use ghand_test_support::mano_files::model::write_mano;
 use ghand_test_support::procedural_hand::ProceduralHand;
 use serde_json::{Value, json};
 use tempfile::TempDir;
@@ -32,7 +32,7 @@ impl World {
         let model = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();
         let config = AvatarConfig { uv_resolution: 32, ..Default::default() };
         Avatar::untrained(&model, &config, [0.8, 0.6, 0.5], 0).unwrap().save(&at("hand.ghand")).unwrap();
-        write_mano(&at("hand.npz"), &model).unwrap();
+        write_mano(&at("hand.npz"), &model);
         let capture = at("capture");
         make(
             &["capture", "--views", "4", "--train-frames", "2", "--test-frames", "1", "--size", "64x96", "--out"],

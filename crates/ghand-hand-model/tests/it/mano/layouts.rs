@@ -1,12 +1,16 @@
 //! Files of every layout are read back to the last bit.
 
 use ghand_core::posing::shape_hand;
-use ghand_core::{HandModel, Side};
-use ghand_hand_model::files::mano::{JOINT_NAMES, ManoFile, ManoOptions, PARENTS, read_mano, read_mano_bytes};
+use ghand_core::{HandModel, PoseSpace, Side};
+use ghand_hand_model::files::mano::{
+    JOINT_NAMES, ManoFile, ManoOptions, PARENTS, read_mano, read_mano_bytes, read_mano_with_warnings,
+};
 use glam::DVec3;
 
 use ghand_test_support::mano_files::hands::{Entries, Hand, as_npz, as_pickle, set};
+use ghand_test_support::mano_files::model::write_mano;
 use ghand_test_support::mano_files::python::{Py, array, dictionary, pickle, string};
+use ghand_test_support::procedural_hand::ProceduralHand;
 
 fn read(bytes: &[u8]) -> ManoFile {
     read_mano_bytes("right.pkl", bytes, None, &ManoOptions::default()).unwrap()
@@ -74,6 +78,35 @@ fn archives_are_read_to_the_last_bit_stored_or_deflated() {
         for deflate in [false, true] {
             assert_is(&read(&as_npz(&entries, deflate)).model, &hand);
         }
+    }
+}
+
+#[test]
+fn every_part_of_a_model_is_read_to_the_last_bit() {
+    let folder = tempfile::tempdir().unwrap();
+    for (left, name) in [(false, "right.npz"), (true, "left.npz")] {
+        let mut model = ProceduralHand { detail: 1, left, ..Default::default() }.build().unwrap();
+        if left {
+            let mean = (0..15).map(|k| DVec3::new(0.01 * f64::from(k), -0.02, 0.3)).collect();
+            let components = (0..30).map(|k| DVec3::new(0.1, 0.2, f64::from(k))).collect();
+            model.pose_space = Some(PoseSpace { mean, components });
+        }
+        let path = folder.path().join(name);
+        write_mano(&path, &model);
+        let found = read_mano_with_warnings(&path, &ManoOptions::default()).unwrap();
+        assert_eq!(found.warnings, Vec::<String>::new());
+        let space = PoseSpace { mean: vec![DVec3::ZERO; 15], components: vec![] };
+        let expected = HandModel {
+            name: found.model.name.clone(),
+            uvs: found.model.uvs.clone(),
+            face_uvs: found.model.face_uvs.clone(),
+            // MANO's directions have no names.
+            shape_names: vec![],
+            pose_space: model.pose_space.clone().or(Some(space)),
+            ..model
+        };
+        assert!(found.model == expected, "{name}");
+        assert_eq!(found.model.side == Side::Left, left);
     }
 }
 

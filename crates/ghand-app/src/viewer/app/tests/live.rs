@@ -8,6 +8,7 @@ use ghand_core::Pose;
 use glam::DVec3;
 
 use ghand_motion::live::port::LiveSettings;
+use ghand_test_support::mano_files::model::write_mano;
 
 use super::*;
 use crate::viewer::live::feed::{Feed, FeedSettings};
@@ -167,7 +168,7 @@ fn a_port_in_use_is_told_and_another_hand_keeps_the_port() {
     let folder = tempfile::tempdir().unwrap();
     let left = ProceduralHand { detail: 1, left: true, ..Default::default() }.build().unwrap();
     let path = folder.path().join("left.npz");
-    ghand_hand_model::files::mano::write_mano(&path, &left).unwrap();
+    write_mano(&path, &left);
     ui.open(&path);
     ui.drive(0.3);
     // The port is free again once the viewer does not need it.
