@@ -9,7 +9,6 @@
 //! Lengths become metres. A camera has `x_camera = R (x_world - position)`. A pose is MANO's with the model's mean pose
 //! added: the root turns about the wrist's joint, and `trans` is added last, as in [`ghand_core::posing::pose_hand`].
 
-mod annotation_counts;
 mod annotations;
 mod images;
 mod joints;
@@ -31,7 +30,6 @@ use crate::mask::{MadeMasks, MaskMethod};
 use crate::reading::opened::{CaptureKind, Opened};
 use crate::reading::validation::{CameraEntry, FileValidator, JointRows, Position};
 use crate::truth::{TRUTH_FILE, read_truth};
-pub use annotation_counts::{AnnotationCounts, count_annotations};
 use annotations::CameraTables;
 use images::{Image, Images};
 pub(crate) use location::{Location, locate};

@@ -11,7 +11,7 @@ pub mod ghand_format;
 pub mod hand_appearance;
 pub mod images;
 pub mod inspection;
-pub mod interhand;
+mod interhand;
 pub mod mask;
 pub mod reading;
 mod split;

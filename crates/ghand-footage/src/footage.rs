@@ -144,7 +144,7 @@ impl Footage {
     /// # Errors
     /// If ffmpeg cannot be started.
     pub fn frames(&self) -> Result<Frames, FootageError> {
-        Frames::new(&self.source, self.size, &self.times, None)
+        Frames::new(&self.source, &self.times, None)
     }
 
     /// The frames of these numbers, ascending, each once; numbers that do not exist are ignored. Videos are decoded from
@@ -156,6 +156,6 @@ impl Footage {
         let mut wanted: Vec<usize> = numbers.iter().copied().filter(|number| *number < self.times.len()).collect();
         wanted.sort_unstable();
         wanted.dedup();
-        Frames::new(&self.source, self.size, &self.times, Some(wanted))
+        Frames::new(&self.source, &self.times, Some(wanted))
     }
 }

@@ -7,22 +7,8 @@ use crate::footage::Source;
 use crate::pictures::Pictures;
 use crate::video::decoder::Decoder;
 
-/// One frame.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Frame {
-    /// Its number: the index of its time in [`crate::Footage::times`].
-    pub number: usize,
-    /// Columns.
-    pub width: u32,
-    /// Rows.
-    pub height: u32,
-    /// Red, green, blue, row by row.
-    pub rgb: Vec<u8>,
-}
-
 /// A stream of frames, in order. Dropping it stops the decoder.
 pub struct Frames {
-    size: (u32, u32),
     count: usize,
     /// The numbers that are still wanted; `None` for all.
     wanted: Option<VecDeque<usize>>,
@@ -39,19 +25,14 @@ enum Reader {
 }
 
 impl Frames {
-    pub(crate) fn new(
-        source: &Source,
-        size: (u32, u32),
-        times: &[f64],
-        wanted: Option<Vec<usize>>,
-    ) -> Result<Frames, FootageError> {
+    pub(crate) fn new(source: &Source, times: &[f64], wanted: Option<Vec<usize>>) -> Result<Frames, FootageError> {
         let reader = match source {
             _ if wanted.as_ref().is_some_and(Vec::is_empty) => Reader::Ended,
             Source::Video(video) => Reader::Video(Box::new(Decoder::start(video, times)?)),
             Source::Pictures(pictures) => Reader::Pictures(pictures.clone(), 0),
         };
         let wanted = wanted.map(VecDeque::from);
-        Ok(Frames { size, count: times.len(), wanted, delivered: 0, missing: 0, reader })
+        Ok(Frames { count: times.len(), wanted, delivered: 0, missing: 0, reader })
     }
 
     /// The next frame into `rgb`, whose memory is used again: red, green, blue, row by row. Returns its number, `None`
@@ -112,15 +93,5 @@ impl Frames {
     /// After the last frame: how many frames were wanted and could not be decoded.
     pub fn missing(&self) -> usize {
         self.missing
-    }
-}
-
-impl Iterator for Frames {
-    type Item = Result<Frame, FootageError>;
-
-    fn next(&mut self) -> Option<Self::Item> {
-        let mut rgb = vec![];
-        let (width, height) = self.size;
-        self.next_into(&mut rgb).map(|number| number.map(|number| Frame { number, width, height, rgb })).transpose()
     }
 }

@@ -17,5 +17,5 @@ mod video;
 pub use error::FootageError;
 pub use focal::StatedFocal;
 pub use footage::Footage;
-pub use frames::{Frame, Frames};
+pub use frames::Frames;
 pub use live::{LiveFrame, LiveFrames, LiveSource};

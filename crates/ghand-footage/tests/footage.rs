@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use ghand_footage::{Footage, FootageError};
+use ghand_footage::{Footage, FootageError, Frames};
 use image::{Rgb, RgbImage};
 
 /// Runs ffmpeg in a folder.
@@ -28,16 +28,32 @@ fn film(folder: &Path, name: &str, count: u32, options: &str) -> PathBuf {
     folder.join(name)
 }
 
+/// The frames that come: their numbers and pixels.
+fn all(frames: &mut Frames) -> Result<Vec<(usize, Vec<u8>)>, FootageError> {
+    let mut found = vec![];
+    let mut rgb = vec![];
+    while let Some(number) = frames.next_into(&mut rgb)? {
+        found.push((number, rgb.clone()));
+    }
+    Ok(found)
+}
+
+/// The first frame.
+fn first(footage: &Footage) -> Vec<u8> {
+    let mut rgb = vec![];
+    assert_eq!(footage.frames().unwrap().next_into(&mut rgb).unwrap(), Some(0));
+    rgb
+}
+
 /// The numbers of the frames that come, each checked against its grey value.
 fn numbers(footage: &Footage) -> Vec<usize> {
     let (width, height) = footage.size();
-    let frames = footage.frames().unwrap().map(|frame| {
-        let frame = frame.unwrap();
-        assert_eq!(frame.rgb.len(), width as usize * height as usize * 3);
+    let frames = all(&mut footage.frames().unwrap()).unwrap().into_iter().map(|(number, rgb)| {
+        assert_eq!(rgb.len(), width as usize * height as usize * 3);
         let middle = (height / 2 * width + width / 2) as usize * 3;
-        let grey = f64::from(frame.rgb[middle]);
-        assert!((grey - (4 * frame.number + 8) as f64).abs() < 3.0, "frame {}: {grey}", frame.number);
-        frame.number
+        let grey = f64::from(rgb[middle]);
+        assert!((grey - (4 * number + 8) as f64).abs() < 3.0, "frame {number}: {grey}");
+        number
     });
     frames.collect()
 }
@@ -64,16 +80,13 @@ fn chosen_frames_are_those_of_their_numbers() {
     let folder = tempfile::tempdir().unwrap();
     let footage = Footage::open(&film(folder.path(), "a.mp4", 30, H264)).unwrap();
     let mut frames = footage.frames_at(&[20, 3, 3, 99, 0]).unwrap();
-    let mut rgb = vec![];
-    let mut found = vec![];
-    while let Some(number) = frames.next_into(&mut rgb).unwrap() {
-        found.push((number, rgb[rgb.len() - 1]));
-    }
+    let found: Vec<(usize, u8)> =
+        all(&mut frames).unwrap().into_iter().map(|(number, rgb)| (number, rgb[rgb.len() - 1])).collect();
     let close = |(number, grey): &(usize, u8)| (i32::from(*grey) - (4 * *number as i32 + 8)).abs() < 3;
     assert!(found.iter().map(|(number, _)| *number).eq([0, 3, 20]) && found.iter().all(close), "{found:?}");
     assert_eq!(frames.missing(), 0);
-    assert!(frames.next_into(&mut rgb).unwrap().is_none());
-    assert_eq!(footage.frames_at(&[]).unwrap().count(), 0);
+    assert!(all(&mut frames).unwrap().is_empty());
+    assert!(all(&mut footage.frames_at(&[]).unwrap()).unwrap().is_empty());
 }
 
 #[test]
@@ -84,9 +97,9 @@ fn pictures_are_turned_as_the_camera_was_held() {
     let footage = Footage::open(&folder.path().join("turned.mp4")).unwrap();
     assert_eq!(footage.size(), (48, 64));
     assert!(footage.remarks().iter().any(|remark| remark.contains("rotated by 90")), "{:?}", footage.remarks());
-    let frame = footage.frames().unwrap().next().unwrap().unwrap();
+    let rgb = first(&footage);
     // By a quarter turn clockwise, as ffprobe says of this file: the upper left corner is now the upper right one.
-    let red = |x: usize, y: usize| frame.rgb[(y * 48 + x) * 3] > 150;
+    let red = |x: usize, y: usize| rgb[(y * 48 + x) * 3] > 150;
     assert_eq!([red(44, 4), red(4, 4), red(4, 60), red(44, 60)], [true, false, false, false]);
 }
 
@@ -144,7 +157,7 @@ fn damage_in_the_middle_leaves_the_numbers_of_the_other_frames() {
     let expected: Vec<usize> = (0..40).filter(|k| ![7, 20, 21].contains(k)).collect();
     assert_eq!(numbers(&footage), expected);
     let mut frames = footage.frames_at(&[6, 7, 8, 21]).unwrap();
-    let came: Vec<usize> = frames.by_ref().map(|frame| frame.unwrap().number).collect();
+    let came: Vec<usize> = all(&mut frames).unwrap().into_iter().map(|(number, _)| number).collect();
     assert_eq!((came, frames.missing()), (vec![6, 8], 2));
 }
 
@@ -197,16 +210,17 @@ fn a_folder_of_pictures_is_footage() {
     assert_eq!((footage.size(), footage.times().len(), footage.has_times()), ((8, 6), 3, false));
     let names: Vec<String> = (0..3).map(|k| footage.name(k)).collect();
     assert_eq!(names, ["frame-2", "frame-9", "frame-10"]);
-    let greys: Vec<u8> = footage.frames().unwrap().map(|frame| frame.unwrap().rgb[0]).collect();
+    let greys: Vec<u8> = all(&mut footage.frames().unwrap()).unwrap().iter().map(|(_, rgb)| rgb[0]).collect();
     assert_eq!(greys, [0, 80, 40]);
-    assert_eq!(footage.frames_at(&[2]).unwrap().next().unwrap().unwrap().number, 2);
+    assert_eq!(all(&mut footage.frames_at(&[2]).unwrap()).unwrap()[0].0, 2);
+    let error = || all(&mut Footage::open(folder.path()).unwrap().frames().unwrap()).unwrap_err();
     RgbImage::new(5, 5).save(folder.path().join("frame-11.png")).unwrap();
-    let error = Footage::open(folder.path()).unwrap().frames().unwrap().find_map(Result::err).unwrap();
-    assert!(matches!(&error, FootageError::Unusable { path, .. } if path.ends_with("frame-11.png")), "{error}");
-    assert!(error.to_string().contains("5 x 5") && error.to_string().contains("8 x 6"), "{error}");
+    let refused = error();
+    assert!(matches!(&refused, FootageError::Unusable { path, .. } if path.ends_with("frame-11.png")), "{refused}");
+    assert!(refused.to_string().contains("5 x 5") && refused.to_string().contains("8 x 6"), "{refused}");
     std::fs::write(folder.path().join("frame-11.png"), b"no picture").unwrap();
-    let error = Footage::open(folder.path()).unwrap().frames().unwrap().find_map(Result::err).unwrap();
-    assert!(matches!(error, FootageError::Picture { .. }), "{error}");
+    let refused = error();
+    assert!(matches!(refused, FootageError::Picture { .. }), "{refused}");
 }
 
 #[test]
@@ -221,8 +235,8 @@ fn a_photograph_is_turned_by_its_exif() {
     std::fs::write(&path, [&bytes[..2], exif, &bytes[2..]].concat()).unwrap();
     let footage = Footage::open(&path).unwrap();
     assert_eq!(footage.size(), (32, 64));
-    let frame = footage.frames().unwrap().next().unwrap().unwrap();
-    let red = |x: usize, y: usize| frame.rgb[(y * 32 + x) * 3] > 150;
+    let rgb = first(&footage);
+    let red = |x: usize, y: usize| rgb[(y * 32 + x) * 3] > 150;
     assert_eq!([red(28, 4), red(4, 4), red(4, 60)], [true, false, false]);
     assert!(footage.remarks().is_empty());
 }

@@ -1,8 +1,6 @@
 //! Cameras in files: objects as in the `cameras` of a `capture.json`; a file may also consist of one such object.
 //! [`super::named`] reads either.
 
-use std::path::Path;
-
 use ghand_core::Camera;
 use glam::{DMat3, DVec2, DVec3};
 use serde::de::Error as _;
@@ -11,12 +9,7 @@ use serde_json::Value;
 
 use super::distortion::Distortion;
 use crate::capture::CaptureError;
-use crate::ghand_format::fields::read_camera_fields;
-use crate::reading::text_file::read_text;
 use crate::reading::validation::{CameraEntry, FileValidator, Position, member};
-
-/// Larger files hold more than one camera.
-const LARGEST_FILE: u64 = 1 << 20;
 
 /// Distortion that leaves less than this fraction of the undistorted image with a source is probably a mistake: strong
 /// lenses that the model describes have more than 0.7.
@@ -64,22 +57,6 @@ fn rotation<'de, D: Deserializer<'de>>(deserializer: D) -> Result<[[f64; 3]; 3],
         _ => "must be 3 rows of 3 numbers: camera_from_world",
     };
     Err(D::Error::custom(problem))
-}
-
-/// Reads and checks a file that holds one camera.
-///
-/// # Errors
-/// [`CaptureError`] names the file, the field and its problem.
-pub fn read_camera(path: &Path) -> Result<Camera, CaptureError> {
-    let remedy = "give a JSON file with one camera as in the `cameras` of a capture.json";
-    let text = read_text(path, LARGEST_FILE, "read the camera", remedy)?;
-    let file = read_camera_fields(path, &text)?;
-    let validator = FileValidator { path };
-    let camera = file.camera(validator, String::new())?;
-    match file.distortion(validator, "", &camera)? {
-        None => Ok(camera),
-        Some(_) => Err(validator.invalid(file.lens_field(), "pictures are drawn without distortion; remove it")),
-    }
 }
 
 /// What is added to the principal points of a file whose top left pixel has its centre at `pixel_center`, 0.5 if absent.
@@ -179,12 +156,13 @@ impl CameraFile {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cameras::named::read_named_camera;
 
     fn read(json: &str) -> Result<Camera, CaptureError> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("camera.json");
         std::fs::write(&path, json).unwrap();
-        read_camera(&path)
+        read_named_camera(&path)
     }
 
     const GOOD: &str = r#"{"id":"a","width":64,"height":48,"intrinsics":[[100,0,32],[0,110,24],[0,0,1]],
@@ -227,7 +205,6 @@ mod tests {
             ("[[0,1,0]", "[[0,2,0]", "rotation"),
             ("[[0,1,0]", "[[0,-1,0]", "rotation"),
             ("\"height\":48,", "", "height"),
-            ("\"height\":48,", "\"height\":48,\"distortion\":[0.1,0,0,0,0],", "distortion"),
         ] {
             assert!(GOOD.contains(from));
             let error = read(&GOOD.replace(from, to)).unwrap_err().to_string();

@@ -1,14 +1,13 @@
 //! The cameras of a capture, from `InterHand2.6M_{subset}_camera.json`.
 
 use std::collections::BTreeMap;
-use std::io::Read;
 use std::path::Path;
 
 use serde::Deserialize;
 use serde::de::{Error, MapAccess};
 
 use crate::error::CaptureError;
-use crate::reading::json_stream::{Keys, Numbers, Object, read_json, read_streaming, skip};
+use crate::reading::json_stream::{Keys, Numbers, Object, read_streaming, skip};
 use crate::reading::validation::FileValidator;
 
 /// What to do when an annotation file cannot be opened.
@@ -38,13 +37,6 @@ pub(super) fn read_cameras(path: &Path, capture: &str) -> Result<CameraTables, C
         let problem = format!("capture {capture:?} is missing; {REMEDY}");
         return Err(FileValidator { path }.invalid("captures", problem));
     }
-    Ok(wanted.tables)
-}
-
-/// The tables of one capture, from a text; for readers of untrusted bytes.
-pub(crate) fn read_camera_text(json: impl Read, capture: &str) -> serde_json::Result<CameraTables> {
-    let mut wanted = OfCapture::new(capture);
-    read_json(json, Object(&mut wanted))?;
     Ok(wanted.tables)
 }
 

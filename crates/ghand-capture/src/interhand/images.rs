@@ -1,7 +1,6 @@
 //! The images of a capture with their annotations, from `InterHand2.6M_{subset}_data.json`.
 
 use std::collections::{BTreeSet, HashMap, HashSet};
-use std::io::Read;
 use std::path::Path;
 
 use ghand_core::Side;
@@ -10,7 +9,7 @@ use serde::de::MapAccess;
 
 use super::annotations::REMEDY;
 use crate::error::CaptureError;
-use crate::reading::json_stream::{ForEach, Keys, Name, Numbers, Object, read_json, read_streaming, skip};
+use crate::reading::json_stream::{ForEach, Keys, Name, Numbers, Object, read_streaming, skip};
 use crate::reading::validation::FileValidator;
 
 /// Most images that are kept; the largest subset has 1.4 million in total.
@@ -92,13 +91,6 @@ pub(super) fn read_images(path: &Path, capture: &str, sequences: &[String]) -> R
     if !reader.images_seen {
         return Err(FileValidator { path }.invalid("images", format!("is missing; {REMEDY}")));
     }
-    Ok(reader.images)
-}
-
-/// The images of a text; for readers of untrusted bytes.
-pub(crate) fn read_image_text(json: impl Read, capture: &str, sequences: &[String]) -> serde_json::Result<Images> {
-    let mut reader = Reader::new(capture, sequences);
-    read_json(json, Object(&mut reader))?;
     Ok(reader.images)
 }
 

@@ -1,7 +1,6 @@
 //! The poses of a capture, from `InterHand2.6M_{subset}_MANO_NeuralAnnot.json`.
 
 use std::collections::{HashMap, HashSet};
-use std::io::Read;
 use std::path::Path;
 
 use ghand_core::{HandModel, Pose, Side};
@@ -12,7 +11,7 @@ use serde::de::{Error, MapAccess};
 use super::annotations::REMEDY;
 use crate::capture::Frame;
 use crate::error::CaptureError;
-use crate::reading::json_stream::{Keys, Numbers, Object, read_json, read_streaming, skip};
+use crate::reading::json_stream::{Keys, Numbers, Object, read_streaming, skip};
 use crate::reading::validation::FileValidator;
 
 /// Shape parameters of a frame.
@@ -37,8 +36,7 @@ pub(super) fn read_poses(
     model: &HandModel,
     wanted: &HashSet<u64>,
 ) -> Result<HashMap<u64, Frame>, CaptureError> {
-    let mut reader =
-        OfCapture { capture, frames: Frames { wanted: Some(wanted), side: model.side, found: HashMap::new() } };
+    let mut reader = OfCapture { capture, frames: Frames { wanted, side: model.side, found: HashMap::new() } };
     read_streaming(path, Object(&mut reader), REMEDY)?;
     let mean = model.pose_space.as_ref().map_or(&[][..], |space| &space.mean);
     let mut frames = HashMap::new();
@@ -48,17 +46,6 @@ pub(super) fn read_poses(
         frames.insert(number, frame);
     }
     Ok(frames)
-}
-
-/// The parameters of one hand in all frames of a text; for readers of untrusted bytes.
-pub(crate) fn read_pose_text(
-    json: impl Read,
-    capture: &str,
-    side: Side,
-) -> serde_json::Result<HashMap<u64, Parameters>> {
-    let mut reader = OfCapture { capture, frames: Frames { wanted: None, side, found: HashMap::new() } };
-    read_json(json, Object(&mut reader))?;
-    Ok(reader.frames.found)
 }
 
 /// The frame without its id. `mean` is the mean rotation of each joint except the root.
@@ -82,15 +69,14 @@ impl Keys for OfCapture<'_> {
 }
 
 struct Frames<'a> {
-    /// All if absent.
-    wanted: Option<&'a HashSet<u64>>,
+    wanted: &'a HashSet<u64>,
     side: Side,
     found: HashMap<u64, Parameters>,
 }
 
 impl Keys for Frames<'_> {
     fn value<'de, A: MapAccess<'de>>(&mut self, key: &str, map: &mut A) -> Result<(), A::Error> {
-        let number = key.parse().ok().filter(|n| self.wanted.is_none_or(|wanted| wanted.contains(n)));
+        let number = key.parse().ok().filter(|n| self.wanted.contains(n));
         let Some(number) = number else { return skip(map) };
         let Some(hands) = map.next_value::<Option<Hands>>()? else { return Ok(()) };
         let hand = match self.side {

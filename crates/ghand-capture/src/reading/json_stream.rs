@@ -35,7 +35,7 @@ pub(crate) fn read_streaming<'de, S: DeserializeSeed<'de>>(
 }
 
 /// Reads JSON with `seed`; nothing may follow it.
-pub(crate) fn read_json<'de, S: DeserializeSeed<'de>>(json: impl Read, seed: S) -> serde_json::Result<S::Value> {
+fn read_json<'de, S: DeserializeSeed<'de>>(json: impl Read, seed: S) -> serde_json::Result<S::Value> {
     let mut json = serde_json::Deserializer::from_reader(BufReader::with_capacity(BUFFER, Bounded::new(json)));
     let value = seed.deserialize(&mut json)?;
     json.end()?;

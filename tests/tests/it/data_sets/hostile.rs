@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use ghand_capture::cameras::file::read_camera;
+use ghand_capture::cameras::named::read_named_camera;
 use ghand_capture::{Capture, CaptureError};
 use ghand_hand_model::files::read::{ReadOptions, read_hand_model};
 use ghand_motion::{PoseOptions, read_poses};
@@ -131,7 +131,7 @@ fn a_harmful_file_of_the_own_format_is_named() {
     value["hand_model"] = json!({"kind": "gltf", "path": "hand.glb"});
     save(root, &value);
     harm(&root.join("hand.glb"), || said(open(root)));
-    harm(&root.join("camera.json"), || said(read_camera(&root.join("camera.json"))));
+    harm(&root.join("camera.json"), || said(read_named_camera(&root.join("camera.json"))));
     std::fs::remove_file(file).unwrap();
 }
 

@@ -5,7 +5,6 @@ use std::path::Path;
 
 use ghand_capture::ghand_format::read_capture_text;
 use ghand_capture::hand_appearance::read_pose;
-use ghand_capture::interhand::count_annotations;
 use ghand_test_support::fuzz_corpus::inputs;
 use rand::{Rng, RngExt, SeedableRng};
 
@@ -83,16 +82,6 @@ fn corpus_captures_and_changed_copies_give_a_valid_capture_or_an_error() {
         }
     });
     assert!(sound >= 2 && inputs > sound, "the corpus has {sound} valid of {inputs} inputs");
-}
-
-#[test]
-fn corpus_annotations_and_changed_copies_are_read_or_rejected() {
-    let (sound, inputs) = run("interhand", |bytes| {
-        let counts = count_annotations(bytes);
-        let found = [counts.cameras, counts.images, counts.poses];
-        found.into_iter().any(|count| count.is_ok_and(|count| count > 0))
-    });
-    assert!(sound >= 3 && inputs > sound, "the corpus has {sound} valid of {inputs} inputs");
 }
 
 #[test]
