@@ -4,7 +4,7 @@
 //! `images/{subset}/Capture{c}/{sequence}/cam{camera}/image{frame}.jpg` beside
 //! `annotations/{subset}/InterHand2.6M_{subset}_{data,camera,MANO_NeuralAnnot,joint_3d}.json`; the images may also be
 //! in `InterHand2.6M_5fps_batch1/`, as they do after unpacking. The annotations of a subset have several hundred
-//! megabytes: they are streamed, and only entries of the wanted sequences are kept.
+//! megabytes: they are streamed but for the cameras, and only entries of the wanted sequences are kept.
 //!
 //! Lengths become metres. A camera has `x_camera = R (x_world - position)`. A pose is MANO's with the model's mean pose
 //! added: the root turns about the wrist's joint, and `trans` is added last, as in [`ghand_core::posing::pose_hand`].
@@ -198,7 +198,9 @@ fn cameras(file: &Path, tables: &CameraTables, images: &Images) -> Result<Vec<Ca
     let mut cameras = vec![];
     for (id, size) in images.cameras.iter().zip(&images.camera_sizes) {
         let entries = (tables.campos.get(id), tables.camrot.get(id), tables.focal.get(id), tables.princpt.get(id));
-        let (Some(position), Some(rotation), Some(focal), Some(principal)) = entries else { continue };
+        let (Some(Some(position)), Some(Some(rotation)), Some(Some(focal)), Some(Some(principal))) = entries else {
+            continue;
+        };
         validator.id("campos", id)?;
         // The file holds rows, glam columns; millimetres become metres.
         let rotation = DMat3::from_cols_array_2d(&rotation.map(|row| row.0)).transpose();
