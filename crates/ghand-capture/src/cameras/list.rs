@@ -46,7 +46,7 @@ const LARGEST_TURN: f64 = 5.0_f64.to_radians();
 const LARGEST_PART: f64 = 0.1;
 
 /// The field of a file of cameras that a `capture.json` lacks.
-pub(crate) const COLORS: &str = "colors";
+const COLORS: &str = "colors";
 
 #[derive(Serialize, Deserialize)]
 struct CameraList {

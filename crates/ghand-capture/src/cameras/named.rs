@@ -6,11 +6,10 @@ use ghand_core::Camera;
 use serde::Deserialize;
 use serde::de::IgnoredAny;
 
-use super::file::{CameraFile, principal_shift};
-use super::list::COLORS;
+use super::list::{LensCamera, read_own_cameras};
 use crate::capture::CaptureError;
 use crate::ghand_format::CAPTURE_FILE;
-use crate::ghand_format::fields::{read_camera_fields, read_cameras_fields};
+use crate::ghand_format::fields::read_camera_fields;
 use crate::reading::json_file::{LARGEST_FILE, parse};
 use crate::reading::text_file::read_text;
 use crate::reading::validation::FileValidator;
@@ -22,12 +21,6 @@ const LISTED_IDS: usize = 40;
 #[derive(Deserialize)]
 struct Kind {
     cameras: Option<IgnoredAny>,
-}
-
-#[derive(Deserialize)]
-struct CameraList {
-    pixel_center: Option<f64>,
-    cameras: Vec<CameraFile>,
 }
 
 /// Reads a camera from `FILE` or `FILE:ID`. The file is JSON: one camera, or a `capture.json` (or the folder that holds
@@ -52,32 +45,24 @@ pub fn read_named_camera(name: &Path) -> Result<Camera, CaptureError> {
             _ => file.camera(validator, String::new()),
         };
     }
-    let CameraList { pixel_center, cameras } = read_cameras_fields::<CameraList>(&path, &text, COLORS)?;
-    let with_id = |id: &str| cameras.iter().filter(|c| c.id == id).collect::<Vec<_>>();
+    let cameras = read_own_cameras(&path)?;
     let chosen = match (&id, cameras.as_slice()) {
-        (Some(id), _) => match with_id(id).as_slice() {
-            [only] => *only,
-            [] => {
-                let problem = format!("has none with the id {id:?}; the ids are {}", ids(&cameras));
-                return Err(validator.invalid("cameras", problem));
-            }
-            several => {
-                let problem = format!("has {} with the id {id:?}; give each its own", several.len());
-                return Err(validator.invalid("cameras", problem));
-            }
-        },
+        (Some(id), _) => cameras.iter().find(|lens| lens.camera.id == *id).ok_or_else(|| {
+            let problem = format!("has none with the id {id:?}; the ids are {}", ids(&cameras));
+            validator.invalid("cameras", problem)
+        })?,
         (None, [only]) => only,
         (None, []) => return Err(validator.invalid("cameras", "is empty")),
         (None, several @ [first, ..]) => {
             let file = path.display();
             let count = several.len();
             let ids = ids(several);
-            let problem = format!("has {count}; choose one by its id, as in {file}:{}; the ids are {ids}", first.id);
+            let first = &first.camera.id;
+            let problem = format!("has {count}; choose one by its id, as in {file}:{first}; the ids are {ids}");
             return Err(validator.invalid("cameras", problem));
         }
     };
-    let camera = chosen.camera(validator, format!("cameras[{:?}]", chosen.id))?;
-    Ok(Camera { principal: camera.principal + principal_shift(validator, pixel_center)?, ..camera })
+    Ok(chosen.camera.clone())
 }
 
 /// The file and the id in a name.
@@ -93,8 +78,8 @@ fn split(name: &Path) -> (PathBuf, Option<String>) {
     }
 }
 
-fn ids(cameras: &[CameraFile]) -> String {
-    let listed: Vec<&str> = cameras.iter().take(LISTED_IDS).map(|c| c.id.as_str()).collect();
+fn ids(cameras: &[LensCamera]) -> String {
+    let listed: Vec<&str> = cameras.iter().take(LISTED_IDS).map(|lens| lens.camera.id.as_str()).collect();
     let more = cameras.len().saturating_sub(LISTED_IDS);
     if more == 0 { listed.join(", ") } else { format!("{} and {more} more", listed.join(", ")) }
 }
@@ -185,7 +170,7 @@ mod tests {
         assert!(read("capture.json", &capture(&many), "{}:x").unwrap_err().ends_with("c39 and 10 more"));
         let error = read("one.json", &camera("c", 100.0), "{}:d").unwrap_err();
         assert!(error.contains("one.json: id: is \"c\", not \"d\""), "{error}");
-        assert!(read("capture.json", &capture(&["a", "a"]), "{}:a").unwrap_err().contains("has 2 with the id"));
+        assert!(read("capture.json", &capture(&["a", "a"]), "{}:a").unwrap_err().contains("\"a\" occurs twice"));
         assert!(read("capture.json", &capture(&[]), "{}").unwrap_err().contains("is empty"));
         let error = read("capture.json", &json.replace("[[200", "[[-200"), "{}:cam03").unwrap_err();
         assert!(error.contains("cameras[\"cam03\"].intrinsics"), "{error}");
