@@ -28,7 +28,7 @@ use crate::images::file::{Role, decode, read_bytes};
 use crate::images::mask_values::mask_values;
 
 pub use aligned::AlignedHand;
-pub(crate) use contour::parts;
+pub(crate) use contour::{EDGES_AND_CORNERS, parts};
 pub use distance::{depths, squared_distances};
 pub use fill::{covered_pixels, open_pixels};
 pub(crate) use made::mask_by_colors;

@@ -10,7 +10,7 @@ use crate::capture::{Capture, Frame};
 use crate::error::CaptureError;
 use crate::images::mask_values::MaskSort;
 use crate::images::view::View;
-use crate::mask::{covered_pixels, parts};
+use crate::mask::{EDGES_AND_CORNERS, covered_pixels, parts};
 
 /// Facts from the pixels of one image.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -124,7 +124,7 @@ const LEAST_COVERED: f64 = 0.15;
 
 /// The largest part of a mask that the template hardly covers, as a fraction of the mask; 0 if it covers no part.
 fn other_part(mask: &[bool], template: &[bool], width: usize) -> f64 {
-    let found = parts(mask, width);
+    let found = parts(mask, width, EDGES_AND_CORNERS);
     let is_covered = |part: &Vec<usize>| {
         let covered = part.iter().filter(|pixel| template.get(**pixel) == Some(&true)).count();
         covered as f64 >= LEAST_COVERED * part.len() as f64

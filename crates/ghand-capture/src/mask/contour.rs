@@ -1,51 +1,33 @@
-//! The largest part of a mask.
+//! The connected parts of a mask, and the largest of them.
 
-/// Keeps the part of a row-major mask inside the contour that encloses most pixels. Holes stay holes, but count as
-/// enclosed. Pixels that touch at corners are connected.
+/// Keeps the part of a row-major mask inside the contour that encloses most pixels, the first of several. Holes stay
+/// holes, but count as enclosed. Pixels that touch at corners are connected.
 pub(super) fn keep_largest(mask: &mut [bool], width: usize) {
     let width = width.max(1);
-    let mut label: Vec<u32> = vec![0; mask.len()];
+    let free: Vec<bool> = mask.iter().map(|inside| !inside).collect();
     // Pixels that can be reached from the border without crossing the mask are outside all contours.
-    let on_border = |i: usize| i < width || i + width >= mask.len() || [0, width - 1].contains(&(i % width));
-    let mut pending: Vec<usize> = (0..mask.len()).filter(|&i| on_border(i) && !mask[i]).collect();
-    pending.iter().for_each(|&i| label[i] = OUTSIDE);
-    while let Some(i) = pending.pop() {
-        for n in neighbours(i, width, mask.len()).into_iter().take(4).flatten() {
-            if !mask[n] && label[n] == 0 {
-                label[n] = OUTSIDE;
-                pending.push(n);
-            }
-        }
+    let on_border = |i: &usize| *i < width || i + width >= mask.len() || [0, width - 1].contains(&(i % width));
+    let mut is_enclosed = vec![true; mask.len()];
+    for part in parts(&free, width, EDGES).iter().filter(|part| part.iter().any(on_border)) {
+        part.iter().for_each(|&i| is_enclosed[i] = false);
     }
-    let mut best = 0;
-    let mut largest = 0;
-    let mut next = OUTSIDE + 1;
-    for start in 0..mask.len() {
-        if label[start] != 0 {
-            continue;
-        }
-        label[start] = next;
-        pending.push(start);
-        let mut size = 0;
-        while let Some(i) = pending.pop() {
-            size += 1;
-            for n in neighbours(i, width, mask.len()).into_iter().flatten() {
-                if label[n] == 0 {
-                    label[n] = next;
-                    pending.push(n);
-                }
-            }
-        }
-        if size > largest {
-            (best, largest) = (next, size);
-        }
-        next += 1;
+    let enclosed = parts(&is_enclosed, width, EDGES_AND_CORNERS);
+    let mut is_kept = vec![false; mask.len()];
+    // Of several, `max_by_key` takes the last.
+    for &i in enclosed.iter().rev().max_by_key(|part| part.len()).into_iter().flatten() {
+        is_kept[i] = true;
     }
-    mask.iter_mut().zip(label).for_each(|(inside, label)| *inside &= label == best);
+    mask.iter_mut().zip(is_kept).for_each(|(inside, is_kept)| *inside &= is_kept);
 }
 
-/// The connected parts of a mask, each as its pixels. Pixels that touch at corners are connected.
-pub(crate) fn parts(mask: &[bool], width: usize) -> Vec<Vec<usize>> {
+/// Neighbours of a pixel: those that share an edge, and also those that share a corner.
+pub(super) const EDGES: usize = 4;
+pub(crate) const EDGES_AND_CORNERS: usize = 8;
+
+/// The connected parts of a mask, each as its pixels, in the order of their first ones. [`EDGES`] or
+/// [`EDGES_AND_CORNERS`] connect.
+pub(crate) fn parts(mask: &[bool], width: usize, connecting: usize) -> Vec<Vec<usize>> {
+    let width = width.max(1);
     let mut is_free = mask.to_vec();
     let mut parts = vec![];
     for start in 0..mask.len() {
@@ -57,7 +39,7 @@ pub(crate) fn parts(mask: &[bool], width: usize) -> Vec<Vec<usize>> {
         let mut next = 0;
         while let Some(&i) = part.get(next) {
             next += 1;
-            for n in neighbours(i, width.max(1), mask.len()).into_iter().flatten() {
+            for n in neighbours(i, width, mask.len()).into_iter().take(connecting).flatten() {
                 if is_free[n] {
                     is_free[n] = false;
                     part.push(n);
@@ -68,8 +50,6 @@ pub(crate) fn parts(mask: &[bool], width: usize) -> Vec<Vec<usize>> {
     }
     parts
 }
-
-const OUTSIDE: u32 = 1;
 
 /// The pixels around one: first those that share an edge, then those that share a corner.
 fn neighbours(i: usize, width: usize, count: usize) -> [Option<usize>; 8] {
@@ -109,9 +89,10 @@ mod tests {
     #[test]
     fn parts_are_found_with_all_their_pixels() {
         let mask: Vec<bool> = "##..#.....#.".bytes().map(|b| b == b'#').collect();
-        let mut sizes: Vec<usize> = parts(&mask, 4).iter().map(Vec::len).collect();
+        let mut sizes: Vec<usize> = parts(&mask, 4, EDGES_AND_CORNERS).iter().map(Vec::len).collect();
         sizes.sort_unstable();
         assert_eq!(sizes, [1, 3]);
+        assert_eq!(parts(&mask, 4, EDGES).len(), 2);
     }
 
     #[test]

@@ -4,7 +4,7 @@
 //! the posed model's outline, which is as uncertain as poses are. A minimum cut finds the mask: parting neighbours costs
 //! little where the image has an edge (Rother et al., GrabCut, 2004).
 
-use super::contour::keep_largest;
+use super::contour::{EDGES, keep_largest, parts};
 use super::guide::Guide;
 use super::histogram::Histogram;
 use super::min_cut::{GridCut, NEIGHBOURS};
@@ -129,34 +129,8 @@ impl Colors {
 /// Closes small holes of a row-major mask.
 fn close_holes(mask: &mut [bool], width: usize) {
     let least = (LARGEST_HOLE * mask.iter().filter(|inside| **inside).count() as f64) as usize;
-    let mut is_known: Vec<bool> = mask.to_vec();
-    let mut part = vec![];
-    for start in 0..mask.len() {
-        if is_known[start] {
-            continue;
-        }
-        is_known[start] = true;
-        part.clear();
-        part.push(start);
-        let mut next = 0;
-        while let Some(&i) = part.get(next) {
-            next += 1;
-            let x = i % width;
-            let beside = [
-                (x > 0).then(|| i - 1),
-                (x + 1 < width).then_some(i + 1),
-                i.checked_sub(width),
-                Some(i + width).filter(|i| *i < mask.len()),
-            ];
-            for n in beside.into_iter().flatten() {
-                if !is_known[n] {
-                    is_known[n] = true;
-                    part.push(n);
-                }
-            }
-        }
-        if part.len() <= least {
-            part.iter().for_each(|&i| mask[i] = true);
-        }
+    let free: Vec<bool> = mask.iter().map(|inside| !inside).collect();
+    for hole in parts(&free, width, EDGES).iter().filter(|part| part.len() <= least) {
+        hole.iter().for_each(|&i| mask[i] = true);
     }
 }
