@@ -9,26 +9,10 @@ use crate::rig::LANDMARKS;
 use crate::rig::start::rotation_between;
 use crate::track::Track;
 
-/// Joints whose angle is compared: the landmark before, at, and behind it.
-const JOINTS: [(usize, usize, usize); 15] = [
-    (0, 1, 2),
-    (1, 2, 3),
-    (2, 3, 4),
-    (0, 5, 6),
-    (5, 6, 7),
-    (6, 7, 8),
-    (0, 9, 10),
-    (9, 10, 11),
-    (10, 11, 12),
-    (0, 13, 14),
-    (13, 14, 15),
-    (14, 15, 16),
-    (0, 17, 18),
-    (17, 18, 19),
-    (18, 19, 20),
-];
+/// Joints whose angle is compared: three of each finger.
+const JOINTS: usize = 15;
 /// Numbers of a signal: the joints' angles, and how fast the hand turns.
-const NUMBERS: usize = JOINTS.len() + 1;
+const NUMBERS: usize = JOINTS + 1;
 /// Samples of a signal per second.
 const RATE: f64 = 60.0;
 /// Frames further apart are a gap, seconds.
@@ -100,7 +84,7 @@ pub fn offsets(first: &Track, other: &Track) -> Vec<ClockOffset> {
 
 impl Signal {
     fn of(track: &Track) -> Option<Signal> {
-        let seen: Vec<(f64, [f64; JOINTS.len()], &[DVec3; LANDMARKS])> = (track.times.iter().zip(&track.sightings))
+        let seen: Vec<(f64, [f64; JOINTS], &[DVec3; LANDMARKS])> = (track.times.iter().zip(&track.sightings))
             .filter_map(|(time, sighting)| sighting.as_ref().map(|s| (*time, angles(&s.world), &s.world)))
             .collect();
         let (start, end) = (seen.first()?.0, seen.last()?.0);
@@ -133,9 +117,12 @@ impl Signal {
 }
 
 /// Angles of the joints, radians.
-fn angles(points: &[DVec3; LANDMARKS]) -> [f64; JOINTS.len()] {
-    JOINTS.map(|(before, at, after)| {
-        let [a, b] = [points[at] - points[before], points[after] - points[at]];
+fn angles(points: &[DVec3; LANDMARKS]) -> [f64; JOINTS] {
+    std::array::from_fn(|k| {
+        let at = 1 + 4 * (k / 3) + k % 3;
+        // The first joint of each finger is next to the wrist.
+        let before = if k % 3 == 0 { 0 } else { at - 1 };
+        let [a, b] = [points[at] - points[before], points[at + 1] - points[at]];
         let angle = a.angle_between(b);
         if angle.is_finite() { angle } else { 0.0 }
     })

@@ -3,30 +3,10 @@
 use glam::DVec2;
 
 use crate::rig::LANDMARKS;
+use crate::rig::lengths::BONES;
 
-/// Pairs of landmarks along the fingers and over the palm, between which the image is looked at.
-const LINES: [(usize, usize); 20] = [
-    (1, 2),
-    (2, 3),
-    (3, 4),
-    (5, 6),
-    (6, 7),
-    (7, 8),
-    (9, 10),
-    (10, 11),
-    (11, 12),
-    (13, 14),
-    (14, 15),
-    (15, 16),
-    (17, 18),
-    (18, 19),
-    (19, 20),
-    (0, 5),
-    (0, 17),
-    (5, 9),
-    (9, 13),
-    (13, 17),
-];
+/// Of the palm, the image is looked at between fewer pairs of landmarks than [`BONES`] has.
+const SKIPPED: [(usize, usize); 4] = [(0, 1), (0, 9), (0, 13), (5, 17)];
 /// Half the length of the lines across fingers, relative to the palm's length.
 const REACH: f64 = 0.22;
 /// Places along each pair.
@@ -49,7 +29,7 @@ pub fn sharpness(rgb: &[u8], width: usize, height: usize, pixels: &[DVec2; LANDM
         Some(pixel.iter().map(|value| f64::from(*value)).sum::<f64>() / 3.0)
     };
     let mut values = vec![];
-    for (from, to) in LINES {
+    for (from, to) in BONES.into_iter().filter(|pair| !SKIPPED.contains(pair)) {
         let along = pixels[to] - pixels[from];
         let Some(across) = along.perp().try_normalize() else { continue };
         for place in 0..PLACES {
