@@ -1,7 +1,7 @@
 //! Errors of masks as a segmentation makes them: an outline that is a little off, and sometimes a missing bite.
 
+use ghand_capture::mask::depths;
 use glam::DVec3;
-use rayon::prelude::*;
 
 use crate::noise::{lattice, noise};
 
@@ -31,7 +31,7 @@ impl MaskErrors {
         // Each image has its own field, far from all others.
         let field_seed = (drawn(0) * 1e15) as u64;
         // The field is hardly ever greater than this.
-        let reach = (3.5 * self.pixels).ceil() as usize + 1;
+        let reach = (3.5 * self.pixels).ceil() + 1.0;
         let distances = signed_distances(mask, width, reach);
         let mut bad: Vec<bool> = (distances.iter().enumerate())
             .map(|(i, distance)| *distance < self.pixels * field([(i % width) as f64, (i / width) as f64], field_seed))
@@ -62,25 +62,14 @@ fn field([x, y]: [f64; 2], seed: u64) -> f64 {
     sum / (2.0 * NOISE_DEVIATION)
 }
 
-/// Distances of pixels from the outline, pixels: negative inside, exact up to `reach`, and `reach` beyond it.
-fn signed_distances(mask: &[bool], width: usize, reach: usize) -> Vec<f64> {
-    let height = mask.len() / width;
-    let span = reach as i64;
-    let mut offsets: Vec<[i64; 2]> = (-span..=span).flat_map(|y| (-span..=span).map(move |x| [x, y])).collect();
-    offsets.sort_by_key(|[x, y]| x * x + y * y);
-    let differs = |i: usize, [dx, dy]: [i64; 2]| {
-        let (x, y) = ((i % width) as i64 + dx, (i / width) as i64 + dy);
-        let is_inside = (0..width as i64).contains(&x) && (0..height as i64).contains(&y);
-        is_inside && mask[y as usize * width + x as usize] != mask[i]
-    };
-    (0..mask.len())
-        .into_par_iter()
-        .map(|i| {
-            let nearest = offsets.iter().find(|offset| differs(i, **offset));
-            let distance = nearest.map_or(reach as f64, |[x, y]| ((x * x + y * y) as f64).sqrt() - 0.5);
-            if mask[i] { -distance } else { distance }
-        })
-        .collect()
+/// Distances of pixels from the outline, pixels: negative inside, and at most `reach` on both sides.
+fn signed_distances(mask: &[bool], width: usize, reach: f64) -> Vec<f64> {
+    let size = [width as u32, (mask.len() / width) as u32];
+    let inside = depths(mask.iter().copied(), size);
+    let outside = depths(mask.iter().map(|inside| !inside), size);
+    let distance =
+        |(inside, outside): (&f64, &f64)| if *inside > 0.0 { -inside.min(reach) } else { outside.min(reach) };
+    inside.iter().zip(&outside).map(distance).collect()
 }
 
 #[cfg(test)]
@@ -154,7 +143,7 @@ mod tests {
     #[test]
     fn distances_are_those_to_the_outline_between_pixels() {
         let mask: Vec<bool> = (0..100).map(|i| i % 10 >= 5).collect();
-        let distances = signed_distances(&mask, 10, 3);
+        let distances = signed_distances(&mask, 10, 3.0);
         // Beyond three pixels it is only known to be farther.
         assert_eq!(distances[20..30], [3.0, 3.0, 2.5, 1.5, 0.5, -0.5, -1.5, -2.5, -3.0, -3.0]);
     }
