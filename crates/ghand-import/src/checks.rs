@@ -65,7 +65,7 @@ pub fn side(
     let [own, other] = if side == Side::Right { [right, left] } else { [left, right] };
     if own == 0 {
         let problem = if other > 0 {
-            let shown = name_of(if side == Side::Right { Side::Left } else { Side::Right });
+            let shown = side.other();
             format!("shows only a {shown} hand; give --side {shown}, or omit it")
         } else {
             // Its networks know the colours of skin: not those of a glove.
@@ -77,8 +77,7 @@ pub fn side(
     }
     if wanted.is_none() && other as f64 > OTHER_HAND * own as f64 {
         remarks.push(format!(
-            "the {} hand is imported, which {own} images show; {other} also show another one: --side takes it",
-            name_of(side)
+            "the {side} hand is imported, which {own} images show; {other} also show another one: --side takes it"
         ));
     }
     for (source, tracked) in sources.iter().zip(tracked) {
@@ -310,10 +309,6 @@ pub fn check_choice(choice: &Choice, count: usize) -> Result<(), ImportError> {
         "only {chosen} of {count} frames with the hand can be used ({reasons}); film for longer, the hand slowly, in more light \
          and whole in all images"
     )))
-}
-
-fn name_of(side: Side) -> &'static str {
-    if side == Side::Right { "right" } else { "left" }
 }
 
 #[cfg(test)]

@@ -26,7 +26,7 @@ use crate::outlines::{fit_outlines, refine_cameras};
 use crate::progress::{OnProgress, Progress, Step};
 use crate::residuals::relative;
 use crate::rig::lengths::{BONES, hand_length, lengths_of};
-use crate::solve::{Known, SolveError, Solved};
+use crate::solve::{Known, Solved};
 use crate::sources::{Source, open};
 use crate::track::Track;
 use crate::uneven::solve_with_times;
@@ -138,7 +138,7 @@ pub fn import(options: &ImportOptions, on_progress: &mut OnProgress) -> Result<I
         |(lens, deviation): (&LensCamera, &f64)| UsualFocal { pixels: lens.camera.focal.x, deviation: *deviation };
     let usual_focals: Vec<UsualFocal> = lenses.iter().zip(&focal_deviations).map(usual_focal).collect();
     let (solved, uneven) = solve_with_times(&mut tracks, &lenses, known, &usual_focals, &lengths, clocks)
-        .map_err(|SolveError::TooLittleInCommon(camera)| too_little_in_common(&sources[camera].id, known))?;
+        .map_err(|camera| too_little_in_common(&sources[camera].id, known))?;
     if clocks.is_none() {
         remarks.extend(clock_remarks(&sources, &solved, &uneven));
     }

@@ -36,14 +36,6 @@ pub enum Known {
     Nothing,
 }
 
-/// Why cameras could not be found.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum SolveError {
-    /// A camera, by its number, sees the hand at too few moments at which another one sees it, too.
-    #[error("camera {0} sees the hand at too few moments at which another camera sees it, too")]
-    TooLittleInCommon(usize),
-}
-
 /// What was found.
 #[derive(Debug, Clone)]
 pub struct Solved {
@@ -59,7 +51,7 @@ pub struct Solved {
 /// are known, what to add to the first camera's time to have each one's, seconds.
 ///
 /// # Errors
-/// [`SolveError`] if cameras have too little in common.
+/// The number of a camera that sees the hand at too few moments at which another one sees it, too.
 pub fn solve(
     tracks: &[Track],
     lenses: &[LensCamera],
@@ -67,7 +59,7 @@ pub fn solve(
     focals: &[UsualFocal],
     lengths: &[f64; BONES.len()],
     clocks: Option<&[f64]>,
-) -> Result<Solved, SolveError> {
+) -> Result<Solved, usize> {
     let footage = Footage { tracks, lenses, known, focals, lengths };
     let mut found = vec![None];
     found.extend((1..tracks.len()).map(|camera| {
@@ -110,13 +102,7 @@ impl Footage<'_> {
     }
 
     /// The rig and the noise of landmarks, from clocks that are right or nearly so.
-    fn solve(
-        &self,
-        offsets: Vec<f64>,
-        clocks: bool,
-        rounds: usize,
-        most_moments: usize,
-    ) -> Result<(Rig, f64), SolveError> {
+    fn solve(&self, offsets: Vec<f64>, clocks: bool, rounds: usize, most_moments: usize) -> Result<(Rig, f64), usize> {
         let Footage { tracks, lenses, known, focals, lengths } = *self;
         let cameras = lenses.iter().map(|lens| lens.camera.clone()).collect();
         let mut rig = Rig { cameras, size: 1.0, bones: [0.0; BONES.len()], offsets };
@@ -128,12 +114,12 @@ impl Footage<'_> {
             let seen = common_moments(tracks, lenses, &rig.offsets, most_moments);
             for camera in 0..tracks.len() {
                 if seen.iter().filter(|moment| moment[camera].is_some()).count() < LEAST_MOMENTS {
-                    return Err(SolveError::TooLittleInCommon(camera));
+                    return Err(camera);
                 }
             }
             if round == 0 {
                 if matches!(known, Known::Nothing | Known::Lenses) {
-                    place_cameras(&mut rig.cameras, &seen).map_err(SolveError::TooLittleInCommon)?;
+                    place_cameras(&mut rig.cameras, &seen)?;
                 }
                 let size = seen_size(&rig, &seen, lengths);
                 match known {

@@ -10,7 +10,7 @@ use crate::moments::moments;
 use crate::rig::bundle::refine;
 use crate::rig::lengths::BONES;
 use crate::rig::{Moment, Unknowns};
-use crate::solve::{Known, SolveError, Solved, solve};
+use crate::solve::{Known, Solved, solve};
 use crate::track::Track;
 
 /// Length of the parts, seconds.
@@ -59,7 +59,7 @@ pub fn solve_with_times(
     focals: &[UsualFocal],
     lengths: &[f64; BONES.len()],
     clocks: Option<&[f64]>,
-) -> Result<(Solved, Vec<UnevenClock>), SolveError> {
+) -> Result<(Solved, Vec<UnevenClock>), usize> {
     let given: Vec<Vec<f64>> = tracks.iter().map(|track| track.times.clone()).collect();
     let mut solved = solve(tracks, lenses, known, focals, lengths, clocks)?;
     if clocks.is_some() {

@@ -3,7 +3,6 @@
 pub(crate) mod anatomy;
 pub(crate) mod finger_play;
 pub(crate) mod forearm;
-pub(crate) mod mirror;
 pub(crate) mod random_bones;
 pub(crate) mod random_shape;
 pub(crate) mod skinning;

@@ -36,7 +36,6 @@ use glam::{DVec2, DVec3};
 
 use errors::poses::{PoseErrors, biased, noisy};
 use hand::finger_play::{FingerPlay, Frames};
-use hand::mirror::mirrored_pose;
 use hand::random_shape::random_hand;
 use hand::true_hand::{Detail, TrueHand};
 use hand::{anatomy, forearm, trajectory};
@@ -354,7 +353,7 @@ fn poses(options: &SyntheticOptions, right: &HandModel) -> [Vec<Pose>; 2] {
         let bias = PoseErrors { rotation: bias.to_radians(), translation: TRANSLATION_BIAS * bias };
         tracked = biased(&anatomy, &tracked, &bias, seed);
     }
-    let of_side = |pose: Pose| if options.side == Side::Left { mirrored_pose(&pose) } else { pose };
+    let of_side = |pose: Pose| if options.side == Side::Left { pose.mirrored() } else { pose };
     [tracked, train].map(|training| training.into_iter().chain(test.iter().cloned()).map(of_side).collect())
 }
 

@@ -1,6 +1,6 @@
 //! Writes the `capture.json` of a [`Capture`].
 
-use ghand_core::{HandModel, Side};
+use ghand_core::HandModel;
 
 use super::{CAPTURE_FILE, CaptureFile, FORMAT, FrameFile, HandModelFile, MADE, SplitFile, UNITS, VERSION};
 use crate::cameras::file::CameraFile;
@@ -57,7 +57,7 @@ impl Capture {
             format: FORMAT.into(),
             version: VERSION,
             units: UNITS.into(),
-            side: if self.side == Side::Right { "right" } else { "left" }.into(),
+            side: self.side.to_string(),
             background: self.background,
             hand_model: hand_model_file(&self.hand_model, &self.hand_model_source),
             pixel_center: None,

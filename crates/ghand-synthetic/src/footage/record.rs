@@ -4,7 +4,7 @@ use std::path::Path;
 
 use ghand_capture::CaptureError;
 use ghand_capture::cameras::list::{LensCamera, write_cameras};
-use ghand_core::{Camera, Side};
+use ghand_core::Camera;
 use ghand_pictures::{Video, VideoOptions};
 use image::ExtendedColorType;
 
@@ -49,8 +49,7 @@ pub(crate) fn record(
     let scene = Scene { subject: &subject, room: &room, lighting: &lighting, board: board.as_ref() };
     let mut done = 0;
     make_folder(folder, |workshop| {
-        let side = if options.side == Side::Left { "left" } else { "right" };
-        Truth::of(&subject, &cameras, side, board.as_ref()).write(&workshop.join("truth.json"))?;
+        Truth::of(&subject, &cameras, options.side, board.as_ref()).write(&workshop.join("truth.json"))?;
         write_cameras(&workshop.join("cameras.json"), &true_cameras(&cameras))?;
         for (camera, mut video) in cameras.iter().zip(videos) {
             for frame in 0..camera.clock.frames() {

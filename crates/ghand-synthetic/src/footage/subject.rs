@@ -11,7 +11,6 @@ use super::motion::Motion;
 use super::room::DESK;
 use super::sleeve::{Sleeve, TEXTURE_ROWS};
 use crate::hand::forearm::with_forearm;
-use crate::hand::mirror::mirrored_pose;
 use crate::hand::random_shape::random_hand;
 use crate::hand::true_hand::{Detail, PosedTrueHand, TrueHand};
 
@@ -70,7 +69,7 @@ impl Subject {
         let (pose, wrist) = self.motion.at(&self.hand.anatomy, self.model.joint_count(), time);
         match self.side {
             Side::Right => (pose, wrist),
-            Side::Left => (mirrored_pose(&pose), wrist),
+            Side::Left => (pose.mirrored(), wrist),
         }
     }
 

@@ -50,7 +50,7 @@ fn frames(options: &FootageOptions) -> (Vec<Vec<u8>>, String) {
     let scene = Scene { subject: &subject, room: &room, lighting: &lighting(LightSetup::Soft), board: None };
     let frame = |camera, frame| scene.frame(camera, frame, false, &mut points).unwrap().0;
     let frames = cameras.iter().flat_map(|camera| [0, 11].map(|k| frame(camera, k))).collect();
-    (frames, serde_json::to_string(&Truth::of(&subject, &cameras, "right", None)).unwrap())
+    (frames, serde_json::to_string(&Truth::of(&subject, &cameras, Side::Right, None)).unwrap())
 }
 
 #[test]
@@ -237,7 +237,7 @@ fn cameras_and_clocks_of_made_footage_are_found_by_the_board_that_it_shows_first
     let clock = calibrate(&kind, &seen).unwrap().cameras[1].clock + cameras[1].clock.start;
     assert!(clock.abs() < 0.003, "{clock}");
     // And then the hand.
-    let truth = serde_json::to_value(Truth::of(&subject, &cameras, "right", Some(&board))).unwrap();
+    let truth = serde_json::to_value(Truth::of(&subject, &cameras, Side::Right, Some(&board))).unwrap();
     assert_eq!((truth["board"]["poses"].as_array().unwrap().len(), truth["hand"].as_array().unwrap().len()), (270, 30));
     let landmark = |frame: usize| &truth["cameras"][0]["frames"][frame]["landmarks"][9];
     assert!(landmark(269).is_null() && landmark(270).is_array());

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use ghand_capture::CaptureError;
+use ghand_core::Side;
 use ghand_core::rotation::axis_angle_from_rotation;
 use ghand_files::atomic_file::write_atomically;
 use ghand_files::json_error::plain_json_error;
@@ -19,7 +20,7 @@ use super::subject::Subject;
 #[derive(Serialize)]
 pub(crate) struct Truth {
     units: &'static str,
-    side: &'static str,
+    side: String,
     /// From the wrist along the bones to the tip of the middle finger.
     hand_length: f64,
     hand_model: TrueModel,
@@ -108,7 +109,7 @@ fn board_pose(board: &Board, time: f64) -> BoardPose {
 }
 
 impl Truth {
-    pub(crate) fn of(subject: &Subject, cameras: &[FilmCamera], side: &'static str, board: Option<&Board>) -> Truth {
+    pub(crate) fn of(subject: &Subject, cameras: &[FilmCamera], side: Side, board: Option<&Board>) -> Truth {
         let shows_hand = |time: f64| board.is_none_or(|board| !board.is_shown(time));
         let model = &subject.model;
         let parent = |parent: &Option<usize>| parent.map_or(-1, |parent| parent as i64);
@@ -140,7 +141,7 @@ impl Truth {
         let times = || cameras.iter().take(1).flat_map(|first| first.clock.all_times());
         Truth {
             units: "metre",
-            side,
+            side: side.to_string(),
             hand_length: rounded(subject.length(), 6),
             hand_model: TrueModel {
                 joints: model.joint_names.clone(),

@@ -11,7 +11,6 @@ use rayon::prelude::*;
 
 use super::anatomy::{Anatomy, SkinPoint};
 use super::forearm::HandWithForearm;
-use super::mirror::{mirrored_point, mirrored_pose};
 use super::skinning::pose_vertices;
 use super::subdivision::subdivided;
 use crate::images::light_visibility::LightVisibility;
@@ -210,7 +209,7 @@ impl TrueHand {
     fn as_right_hand(&self, pose: &Pose) -> Pose {
         let mut pose = match self.side {
             Side::Right => pose.clone(),
-            Side::Left => mirrored_pose(pose),
+            Side::Left => pose.mirrored(),
         };
         pose.rotations.resize(self.model.joint_count(), DVec3::ZERO);
         pose
@@ -234,7 +233,7 @@ impl TrueHand {
     fn placed(&self, vector: DVec3) -> DVec3 {
         match self.side {
             Side::Right => vector,
-            Side::Left => mirrored_point(vector),
+            Side::Left => DVec3::new(-vector.x, vector.y, vector.z),
         }
     }
 }

@@ -92,7 +92,6 @@ pub fn import(args: &ImportArgs, folder: &Path, adapter: &AdapterArgs) -> anyhow
 /// What the page tells of it.
 fn found(written: &Written) -> Found {
     let Written { dataset, capture, annotated, fit, remarks } = written;
-    let side = if capture.side == Side::Right { "right" } else { "left" };
     let count = |split: &str| capture.splits.get(split).map_or(0, |split| split.frames.len());
     let [poses, grounds] = match fit.as_ref().filter(|fit| !fit.frames.is_empty()) {
         None => ["MANO's".into(), "as the data set gives them".into()],
@@ -110,7 +109,7 @@ fn found(written: &Written) -> Found {
     let spread = format!("spread over {annotated} annotated ones");
     let decisions = vec![
         Decision::new("data set", dataset.name(), "known by its folders", ""),
-        Decision::new("hand", side, "as the data set says", "--side"),
+        Decision::new("hand", capture.side.to_string(), "as the data set says", "--side"),
         Decision::new("cameras", capture.cameras.len().to_string(), "as the data set calibrates them", ""),
         Decision::new("poses", poses, grounds, "--hand-model"),
         Decision::new("frames", frames, spread, "--frames"),
