@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use ghand_capture::cameras::list::LensCamera;
+pub(crate) use ghand_capture::cameras::rigid::Rigid;
 use ghand_core::{Camera, Side};
 use ghand_hand_model::files::mano::LeftShapes;
 use ghand_motion::ik::LANDMARK_COUNT;
@@ -121,33 +122,9 @@ pub(crate) enum Place {
     Joint(usize, DVec3),
 }
 
-/// A turn, then a shift in metres.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Rigid {
-    pub rotation: DMat3,
-    pub translation: DVec3,
-}
-
-impl Rigid {
-    pub const IDENTITY: Rigid = Rigid { rotation: DMat3::IDENTITY, translation: DVec3::ZERO };
-    /// From OpenGL's camera axes (y up, looking along -z) to OpenCV's, and back.
-    pub const OPENGL: Rigid =
-        Rigid { rotation: DMat3::from_diagonal(DVec3::new(1.0, -1.0, -1.0)), translation: DVec3::ZERO };
-
-    pub fn apply(&self, point: DVec3) -> DVec3 {
-        self.rotation * point + self.translation
-    }
-
-    pub fn inverse(&self) -> Rigid {
-        let rotation = self.rotation.transpose();
-        Rigid { rotation, translation: -(rotation * self.translation) }
-    }
-
-    /// First `other`, then this.
-    pub fn after(&self, other: &Rigid) -> Rigid {
-        Rigid { rotation: self.rotation * other.rotation, translation: self.apply(other.translation) }
-    }
-}
+/// From OpenGL's camera axes (y up, looking along -z) to OpenCV's, and back.
+pub(crate) const OPENGL: Rigid =
+    Rigid { rotation: DMat3::from_diagonal(DVec3::new(1.0, -1.0, -1.0)), translation: DVec3::ZERO };
 
 /// A camera without distortion, of intrinsics whose first pixel's centre is at (0, 0), as OpenCV has it.
 pub(crate) fn pinhole(

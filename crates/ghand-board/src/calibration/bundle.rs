@@ -6,13 +6,14 @@
 
 use std::sync::Arc;
 
+use ghand_capture::cameras::rigid::Rigid;
 use glam::{DVec2, DVec3};
 use nalgebra::{DMatrix, DVector, SMatrix};
 use rayon::prelude::*;
 
 use super::equations::{BOARD_NUMBERS, CAMERA_NUMBERS, CLOCK, Equations, PLACE, cost, equations, squares};
 use super::lens::{Coefficients, FIRST_COEFFICIENT, FOCAL, Lens, PRINCIPAL};
-use super::pose::Pose;
+use super::pose::moved;
 
 /// Standard deviations of what is likely without any image: logarithms of the focal length and of the pixels' aspect; the
 /// principal point, relative to the image's diagonal; k1, k2, p1, p2, k3.
@@ -39,7 +40,7 @@ const MOST_DAMPING: f64 = 1e8;
 pub(super) struct FilmCamera {
     pub lens: Lens,
     /// `camera_from_world`.
-    pub place: Pose,
+    pub place: Rigid,
     /// What to add to the first camera's time to have this one's, seconds.
     pub clock: f64,
     /// Standard deviation of a corner's coordinate, pixels.
@@ -78,7 +79,7 @@ pub(super) struct SeenBoard {
 #[derive(Debug, Clone)]
 pub(super) struct Moment {
     /// `world_from_board`.
-    pub board: Pose,
+    pub board: Rigid,
     pub seen: Arc<[SeenBoard]>,
 }
 
@@ -301,7 +302,7 @@ impl<'a> Reduced<'a> {
             let by = &step.as_slice()[CAMERA_NUMBERS * camera..][..CAMERA_NUMBERS];
             FilmCamera {
                 lens: film.lens.moved(by),
-                place: film.place.moved(&by[PLACE..CLOCK]),
+                place: moved(&film.place, &by[PLACE..CLOCK]),
                 clock: film.clock + by[CLOCK],
                 noise: film.noise,
             }
@@ -313,7 +314,7 @@ impl<'a> Reduced<'a> {
                 right += one.mixed.transpose() * step.fixed_rows::<CAMERA_NUMBERS>(CAMERA_NUMBERS * one.camera);
             }
             let by = -(damped(equations, damping).try_inverse()? * right);
-            Some(Moment { board: moment.board.moved(by.as_slice()), ..moment.clone() })
+            Some(Moment { board: moved(&moment.board, by.as_slice()), ..moment.clone() })
         };
         let moments = self.moments.iter().zip(&state.moments).map(moment).collect::<Option<_>>()?;
         Some(State { cameras, moments })

@@ -1,13 +1,13 @@
 //! Clocks that are not given: of the times at which the board moves alike, the one at which cameras also see it at the same
 //! place. Good to a frame or so; the bundle adjustment then finds the rest.
 
+use ghand_capture::cameras::rigid::Rigid;
 use rayon::prelude::*;
 
 use super::bundle::FilmCamera;
 use super::intrinsics::pose_in;
 use super::joint::{Cameras, alike};
 use super::placing::{Alike, Pair, pair};
-use super::pose::Pose;
 use super::signal::Signal;
 use crate::BoardError;
 
@@ -25,7 +25,7 @@ pub(super) fn clocks(all: &Cameras, films: &[FilmCamera]) -> Result<Vec<f64>, Bo
     }
     let middle = (0.5 * all.kind.size()).extend(0.0);
     let signal = |(film, track): (&FilmCamera, &super::track::Track)| {
-        let poses: Vec<Option<Pose>> =
+        let poses: Vec<Option<Rigid>> =
             track.views.iter().map(|view| pose_in(view, &film.lens, all.kind).map(|(pose, _)| pose)).collect();
         Signal::of(track, &poses, middle)
     };
@@ -58,12 +58,12 @@ pub(super) fn clocks(all: &Cameras, films: &[FilmCamera]) -> Result<Vec<f64>, Bo
 fn support(all: &Cameras, films: &[FilmCamera], (first, second): (usize, usize), offset: f64) -> usize {
     let times = &all.tracks[first].times;
     let common: Vec<f64> = times.iter().copied().filter(|t| all.tracks[second].at(t + offset).is_some()).collect();
-    let moment = |time: &f64| -> Option<(Pose, Alike)> {
+    let moment = |time: &f64| -> Option<(Rigid, Alike)> {
         let of = |camera: usize, time: f64| alike(&all.tracks[camera].at(time)?, &films[camera].lens, all.kind);
         Some((*of(first, *time)?.first()?, of(second, time + offset)?))
     };
     let few = common.iter().step_by(common.len().div_ceil(MOMENTS).max(1));
-    let moments: Vec<(Pose, Alike)> = few.filter_map(moment).collect();
+    let moments: Vec<(Rigid, Alike)> = few.filter_map(moment).collect();
     match pair(&moments) {
         Some(Pair { support, .. }) if support as f64 >= LEAST_PART * moments.len() as f64 => support,
         _ => 0,

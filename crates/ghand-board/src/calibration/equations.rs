@@ -47,7 +47,7 @@ pub(super) fn squares(state: &State, moment: &Moment, board: &SeenBoard, seen_at
     let camera = &state.cameras[board.camera];
     let later = camera.clock - seen_at[board.camera];
     let square = |point: &SeenPoint| {
-        let at = camera.place.of(moment.board.of(point.place));
+        let at = camera.place.apply(moment.board.apply(point.place));
         let seen = point.pixel + point.velocity * later;
         camera.lens.project(at).map_or(f64::INFINITY, |projected| projected.pixel.distance_squared(seen))
     };

@@ -2,13 +2,14 @@
 
 use std::sync::Arc;
 
+use ghand_capture::cameras::rigid::Rigid;
 use glam::DVec2;
 
 use super::bundle::{
     Adjusted, FIRST_NOISE, FilmCamera, Moment, SeenBoard, SeenPoint, State, Unknown, adjust, total_cost,
 };
 use super::lens::{Coefficients, Lens};
-use super::pose::{Pose, board_pose};
+use super::pose::board_pose;
 use super::track::{Corners, Track};
 use crate::BoardKind;
 
@@ -49,7 +50,7 @@ pub(super) fn lens_alone(
         Some(Moment { board, seen: Arc::new([SeenBoard { camera: 0, points }]) })
     };
     let moments: Vec<Moment> = views.iter().filter_map(moment).collect();
-    let camera = FilmCamera { lens, place: Pose::IDENTITY, clock: 0.0, noise: FIRST_NOISE };
+    let camera = FilmCamera { lens, place: Rigid::IDENTITY, clock: 0.0, noise: FIRST_NOISE };
     let start = State { cameras: vec![camera], moments };
     let unknown = |coefficients| [Unknown { coefficients, place: false, clock: None }];
     let solved = |coefficients: Coefficients, start: &State| {
@@ -80,7 +81,7 @@ pub(super) fn lens_alone(
 }
 
 /// The board's pose `camera_from_board` in an image, and the median error of rays.
-pub(super) fn pose_in(view: &Corners, lens: &Lens, kind: &BoardKind) -> Option<(Pose, f64)> {
+pub(super) fn pose_in(view: &Corners, lens: &Lens, kind: &BoardKind) -> Option<(Rigid, f64)> {
     let seen = view.iter().enumerate().filter_map(|(number, pixel)| Some((kind.corner(number), lens.ray((*pixel)?)?)));
     let (places, rays): (Vec<_>, Vec<_>) = seen.unzip();
     board_pose(&places, &rays)

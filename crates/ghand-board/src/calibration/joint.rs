@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use ghand_capture::cameras::rigid::Rigid;
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
@@ -11,7 +12,7 @@ use super::diagonal;
 use super::equations::cost;
 use super::lens::{Coefficients, Lens};
 use super::placing::{Alike, Pair, difference, pair, places};
-use super::pose::{Pose, board_pose};
+use super::pose::board_pose;
 use super::track::{MovingCorner, Track};
 use crate::{BoardCamera, BoardError, BoardKind};
 
@@ -120,7 +121,7 @@ pub(super) fn alike(corners: &[MovingCorner], lens: &Lens, kind: &BoardKind) -> 
 }
 
 /// The map of the board to itself that takes each corner's place to that of the corner which a symmetry has for it.
-fn turn(kind: &BoardKind, symmetry: &[usize]) -> Pose {
+fn turn(kind: &BoardKind, symmetry: &[usize]) -> Rigid {
     let place = |number: usize| symmetry.get(number).map_or(DVec3::ZERO, |to| kind.corner(*to));
     let axes = |place: &dyn Fn(usize) -> DVec3| {
         let [x, y] = [1, kind.corners()[0]].map(|number| (place(number) - place(0)) / kind.side());
@@ -128,7 +129,7 @@ fn turn(kind: &BoardKind, symmetry: &[usize]) -> Pose {
     };
     // An AprilGrid's corners are counted upwards.
     let rotation = axes(&place) * axes(&|number| kind.corner(number)).transpose();
-    Pose { rotation, translation: place(0) - rotation * kind.corner(0) }
+    Rigid { rotation, translation: place(0) - rotation * kind.corner(0) }
 }
 
 /// Places the cameras by pairs that see the board at the same moments.
@@ -154,14 +155,14 @@ fn place(all: &Cameras, films: &mut [FilmCamera], seen: &[Vec<Sighting>]) -> Res
         let camera = all.cameras[lost].id.clone();
         return Err(BoardError::NotTogether { camera, others: others.join(" or ") });
     }
-    films.iter_mut().zip(found).for_each(|(film, place)| film.place = place.unwrap_or(Pose::IDENTITY));
+    films.iter_mut().zip(found).for_each(|(film, place)| film.place = place.unwrap_or(Rigid::IDENTITY));
     Ok(())
 }
 
 /// A moment: all corners numbered as the first camera that sees it does, and the board's pose that fits best.
 fn moment(all: &Cameras, rig: &State, sightings: Vec<Sighting>) -> Option<Moment> {
     let first = sightings.first()?;
-    let in_world = |sighting: &Sighting, pose: &Pose| rig.cameras[sighting.camera].place.inverse().after(pose);
+    let in_world = |sighting: &Sighting, pose: &Rigid| rig.cameras[sighting.camera].place.inverse().after(pose);
     let wanted = in_world(first, first.alike.first()?);
     let symmetries = all.kind.symmetries();
     let mut boards = vec![];
@@ -183,7 +184,7 @@ fn moment(all: &Cameras, rig: &State, sightings: Vec<Sighting>) -> Option<Moment
     let clocks: Vec<f64> = rig.cameras.iter().map(|camera| camera.clock).collect();
     let mut rough = State { cameras: rig.cameras.clone(), moments: vec![] };
     rough.cameras.iter_mut().for_each(|camera| camera.noise = FIRST_NOISE);
-    let moment = |board: Pose| Moment { board, seen: seen.clone() };
+    let moment = |board: Rigid| Moment { board, seen: seen.clone() };
     let fitting = boards.into_iter().map(|board| (cost(&rough, &moment(board), &clocks), board));
     let (_, board) = fitting.min_by(|a, b| a.0.total_cmp(&b.0))?;
     Some(moment(board))

@@ -2,10 +2,9 @@
 
 use ghand_capture::cameras::distortion::Distortion;
 use ghand_capture::cameras::list::LensCamera;
+use ghand_capture::cameras::rigid::Rigid;
 use ghand_core::Camera;
 use glam::{DMat3, DVec2, DVec3};
-
-use super::pose::Pose;
 
 /// Unknowns of a lens: logarithms of the focal length and of the pixels' aspect, principal point, k1, k2, p1, p2, k3.
 pub(super) const LENS_NUMBERS: usize = 9;
@@ -137,9 +136,9 @@ impl Lens {
     }
 
     /// The camera with this lens at a place.
-    pub(super) fn at(&self, id: &str, camera_from_world: &Pose) -> LensCamera {
+    pub(super) fn at(&self, id: &str, camera_from_world: &Rigid) -> LensCamera {
         let [width, height] = self.size;
-        let Pose { rotation, translation } = *camera_from_world;
+        let Rigid { rotation, translation } = *camera_from_world;
         let (focal, principal) = (self.focal, self.principal);
         let camera = Camera { id: id.into(), width, height, focal, principal, rotation, translation };
         LensCamera { camera, distortion: self.distortion() }
@@ -147,7 +146,7 @@ impl Lens {
 
     /// The part of the image without distortion that the lens has seen.
     pub(super) fn visible_part(&self) -> f64 {
-        let camera = self.at("", &Pose { rotation: DMat3::IDENTITY, translation: DVec3::ZERO }).camera;
+        let camera = self.at("", &Rigid { rotation: DMat3::IDENTITY, translation: DVec3::ZERO }).camera;
         self.distortion().map_or(1.0, |distortion| distortion.visible_part(&camera))
     }
 }
@@ -180,7 +179,7 @@ mod tests {
             let difference = (more - less) / (2.0 * step);
             assert!((difference - DVec2::new(found.by_lens[0][k], found.by_lens[1][k])).length() < 1e-4, "{k}");
         }
-        let camera = lens.at("a", &Pose { rotation: DMat3::IDENTITY, translation: DVec3::ZERO });
+        let camera = lens.at("a", &Rigid { rotation: DMat3::IDENTITY, translation: DVec3::ZERO });
         let undistorted = camera.undistorted(found.pixel).unwrap();
         assert!(undistorted.distance(camera.camera.project(at).0) < 1e-3);
         assert!(lens.ray(found.pixel).unwrap().distance(at.truncate() / at.z) < 1e-6);

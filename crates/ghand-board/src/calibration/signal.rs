@@ -1,9 +1,9 @@
 //! How the board moves: it turns and moves as fast for all cameras, wherever these are, so that this tells by how much
 //! their clocks may differ.
 
+use ghand_capture::cameras::rigid::Rigid;
 use glam::DVec3;
 
-use super::pose::Pose;
 use super::track::Track;
 
 /// Samples of a signal per second.
@@ -29,7 +29,7 @@ pub(super) struct Signal {
 
 impl Signal {
     /// From the board's pose in each image of a track, where there is one; `middle` is the board's.
-    pub(super) fn of(track: &Track, poses: &[Option<Pose>], middle: DVec3) -> Signal {
+    pub(super) fn of(track: &Track, poses: &[Option<Rigid>], middle: DVec3) -> Signal {
         let start = track.times.first().copied().unwrap_or(0.0);
         let end = track.times.last().copied().unwrap_or(0.0);
         let count = ((end - start) * RATE) as usize + 1;
@@ -42,7 +42,7 @@ impl Signal {
             }
             let (a, b) = (poses.get(before)?.as_ref()?, poses.get(after)?.as_ref()?);
             let elapsed = track.times[after] - track.times[before];
-            let moved = a.of(middle).distance(b.of(middle));
+            let moved = a.apply(middle).distance(b.apply(middle));
             Some([a.angle(b) / elapsed, RADIANS_PER_METRE * moved / elapsed])
         };
         Signal { start, samples: (0..count).map(sample).collect() }

@@ -26,7 +26,7 @@ use std::path::Path;
 use crate::error::CaptureError;
 use crate::ghand_format::CAPTURE_FILE;
 
-pub use found::{CalibrationFormat, Extrinsics, FoundCalibration, FoundCamera, LengthUnit, Projection};
+pub use found::{CalibrationFormat, FoundCalibration, FoundCamera, LengthUnit, Projection};
 
 /// Reads the cameras of a calibration: a file, or a folder as a tool leaves it. Contents decide, not names, but COLMAP's
 /// files and a folder's calibrations are found by their usual names and endings.

@@ -28,7 +28,7 @@ use crate::DatasetError;
 use crate::dataset::Layout;
 use crate::fields::{DataFile, Field};
 use crate::sequence::{
-    Annotated, Fingers, ManoPose, Mask, Place, Rigid, Sequence, View, choose_side, pinhole_of_matrix, points,
+    Annotated, Fingers, ManoPose, Mask, OPENGL, Place, Rigid, Sequence, View, choose_side, pinhole_of_matrix, points,
 };
 
 pub(crate) const LAYOUT: Layout = Layout {
@@ -113,7 +113,7 @@ fn joints(meta: &Field) -> Result<Option<[DVec3; LANDMARK_COUNT]>, DatasetError>
         return Ok(None);
     }
     let all = points(&field.numbers(63)?);
-    Ok(Some(MANO_ORDER.map(|joint| Rigid::OPENGL.apply(all[joint]))))
+    Ok(Some(MANO_ORDER.map(|joint| OPENGL.apply(all[joint]))))
 }
 
 fn mano_pose(meta: &Field) -> Result<Option<ManoPose>, DatasetError> {
@@ -129,7 +129,7 @@ fn mano_pose(meta: &Field) -> Result<Option<ManoPose>, DatasetError> {
         from_mean: false,
         shape: shape.numbers(10)?,
         place: Place::Added(place.point()?),
-        world_from_mano: Rigid::OPENGL,
+        world_from_mano: OPENGL,
     }))
 }
 

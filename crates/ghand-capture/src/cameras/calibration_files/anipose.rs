@@ -6,9 +6,10 @@
 use std::path::Path;
 
 use super::field::Field;
-use super::found::{CalibrationFormat, Extrinsics, FoundCalibration, FoundCamera, LengthUnit};
+use super::found::{CalibrationFormat, FoundCalibration, FoundCamera, LengthUnit};
 use super::lens;
 use super::node::Node;
+use crate::cameras::rigid::Rigid;
 use crate::error::CaptureError;
 
 /// A camera of a hand is not so far from the world's origin, in metres or in squares of a board: lengths beyond are
@@ -79,7 +80,7 @@ fn camera(name: &str, table: &Field, format: CalibrationFormat) -> Result<FoundC
     };
     let extrinsics = match (table.find("rotation"), table.find("translation")) {
         (Some(rotation), Some(translation)) => {
-            Some(Extrinsics { rotation: rotation.rotation()?, translation: translation.vector()? })
+            Some(Rigid { rotation: rotation.rotation()?, translation: translation.vector()? })
         }
         _ => None,
     };

@@ -11,9 +11,10 @@ use std::path::{Path, PathBuf};
 
 use ghand_files::input_file;
 
-use super::found::{CalibrationFormat, Extrinsics, FoundCalibration, FoundCamera, LengthUnit};
+use super::found::{CalibrationFormat, FoundCalibration, FoundCamera, LengthUnit};
 use super::rotations::from_wxyz;
 use super::shots::{self, Shot};
+use crate::cameras::rigid::Rigid;
 use crate::error::CaptureError;
 use crate::reading::text_file::text_of;
 use crate::reading::validation::FileValidator;
@@ -97,7 +98,7 @@ pub(super) fn read(folder: &Path) -> Result<FoundCalibration, CaptureError> {
         }
         _ => cameras_of_images(&images_path, &images)?,
     };
-    let camera = |(id, lens, place): (String, u32, Extrinsics)| {
+    let camera = |(id, lens, place): (String, u32, Rigid)| {
         let validator = FileValidator { path: &cameras_path };
         let lens = lenses.iter().find(|known| known.id == lens).ok_or_else(|| {
             validator.invalid(format!("camera {lens}"), "is missing, but has images; copy the whole model")
@@ -108,7 +109,7 @@ pub(super) fn read(folder: &Path) -> Result<FoundCalibration, CaptureError> {
     FoundCalibration::checked(folder, CalibrationFormat::Colmap, LengthUnit::Unknown, cameras, remarks)
 }
 
-fn found(validator: FileValidator, id: String, lens: &Lens, place: Extrinsics) -> Result<FoundCamera, CaptureError> {
+fn found(validator: FileValidator, id: String, lens: &Lens, place: Rigid) -> Result<FoundCamera, CaptureError> {
     let invalid = |problem: String| validator.invalid(format!("camera {}", lens.id), problem);
     let (projection, distortion) = models::lens(&lens.model, &lens.parameters).map_err(invalid)?;
     let [width, height] = lens.size.map(u32::try_from);
@@ -118,16 +119,16 @@ fn found(validator: FileValidator, id: String, lens: &Lens, place: Extrinsics) -
     Ok(FoundCamera { id, size: Some([width, height]), projection, distortion, extrinsics: Some(place) })
 }
 
-fn place(path: &Path, field: &str, numbers: [f64; 7]) -> Result<Extrinsics, CaptureError> {
+fn place(path: &Path, field: &str, numbers: [f64; 7]) -> Result<Rigid, CaptureError> {
     let [w, x, y, z, t @ ..] = numbers;
     let validator = FileValidator { path };
     let rotation = from_wxyz([w, x, y, z])
         .ok_or_else(|| validator.invalid(field, "has a quaternion of length 0; reconstruct it again"))?;
-    Ok(Extrinsics { rotation: validator.rotation(field.into(), rotation)?, translation: t.into() })
+    Ok(Rigid { rotation: validator.rotation(field.into(), rotation)?, translation: t.into() })
 }
 
 /// Ids, lenses and places.
-type PlacedLens = (String, u32, Extrinsics);
+type PlacedLens = (String, u32, Rigid);
 
 fn cameras_of_images(path: &Path, images: &[Image]) -> Result<Vec<PlacedLens>, CaptureError> {
     let shot = |image: &Image| -> Result<Shot<u32>, CaptureError> {
@@ -147,7 +148,7 @@ fn cameras_of_rig(path: &Path, rig: &[Sensor], images: &[Image]) -> Result<Vec<P
     for (number, (sensor, id)) in rig.iter().zip(shots::ids(&paths)).enumerate() {
         let field = format!("sensor {}", sensor.lens);
         let at = match (number, sensor.place) {
-            (0, _) => Extrinsics::ORIGIN,
+            (0, _) => Rigid::IDENTITY,
             (_, Some(numbers)) => place(path, &field, numbers)?,
             (_, None) => {
                 let problem = "has no place in the rig; reconstruct with known or refined rigs";

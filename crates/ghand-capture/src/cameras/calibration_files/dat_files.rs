@@ -6,9 +6,10 @@
 use std::path::Path;
 
 use super::field::Field;
-use super::found::{CalibrationFormat, Extrinsics, FoundCalibration, FoundCamera, LengthUnit};
+use super::found::{CalibrationFormat, FoundCalibration, FoundCamera, LengthUnit};
 use super::lens;
 use super::node::Node;
+use crate::cameras::rigid::Rigid;
 use crate::error::CaptureError;
 use crate::reading::text_file::read_text;
 use crate::reading::validation::FileValidator;
@@ -62,14 +63,14 @@ pub(super) fn read(folder: &Path, names: &[String]) -> Result<FoundCalibration, 
     FoundCalibration::checked(folder, CalibrationFormat::DatFiles, LengthUnit::Unknown, cameras, remarks)
 }
 
-fn read_place(path: &Path, remarks: &mut Vec<String>) -> Result<Extrinsics, CaptureError> {
+fn read_place(path: &Path, remarks: &mut Vec<String>) -> Result<Rigid, CaptureError> {
     let sections = sections(path)?;
     if sections.is_repeated {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         remarks.push(format!("of {name} the first R and T are read, from the world to the camera"));
     }
     let place = Field::root(path, &sections.node);
-    Ok(Extrinsics { rotation: place.require("R")?.rotation()?, translation: place.require("T")?.vector()? })
+    Ok(Rigid { rotation: place.require("R")?.rotation()?, translation: place.require("T")?.vector()? })
 }
 
 struct Sections {

@@ -3,9 +3,10 @@
 use std::path::Path;
 
 use super::field::Field;
-use super::found::{CalibrationFormat, Extrinsics, FoundCalibration, FoundCamera, LengthUnit};
+use super::found::{CalibrationFormat, FoundCalibration, FoundCamera, LengthUnit};
 use super::lens;
 use super::node::Node;
+use crate::cameras::rigid::Rigid;
 use crate::error::CaptureError;
 
 /// Whether a file has the intrinsics, or the extrinsics.
@@ -56,12 +57,12 @@ fn names(field: &Field) -> Result<Vec<String>, CaptureError> {
     }
 }
 
-fn place(places: &Field, name: &str) -> Result<Extrinsics, CaptureError> {
+fn place(places: &Field, name: &str) -> Result<Rigid, CaptureError> {
     let vector = places.find(&format!("R_{name}"));
     let rotation = vector.or_else(|| places.find(&format!("Rot_{name}")));
     let rotation = match rotation {
         Some(rotation) => rotation.rotation()?,
         None => places.require(&format!("R_{name}"))?.rotation()?,
     };
-    Ok(Extrinsics { rotation, translation: places.require(&format!("T_{name}"))?.vector()? })
+    Ok(Rigid { rotation, translation: places.require(&format!("T_{name}"))?.vector()? })
 }

@@ -3,11 +3,12 @@
 use std::fmt::{self, Display};
 use std::path::{Path, PathBuf};
 
-use glam::{DMat3, DVec2, DVec3};
+use glam::DVec2;
 
 use super::super::distortion::Distortion;
 use super::super::file::LEAST_SEEN;
 use super::super::list::LensCamera;
+use crate::cameras::rigid::Rigid;
 use crate::error::CaptureError;
 use crate::reading::validation::{CameraEntry, FileValidator, Position};
 
@@ -113,32 +114,6 @@ pub enum Projection {
     },
 }
 
-/// Where a camera stands: `x_camera = rotation * x_world + translation`, with OpenCV's axes.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Extrinsics {
-    /// `camera_from_world`.
-    pub rotation: DMat3,
-    /// In the calibration's unit.
-    pub translation: DVec3,
-}
-
-impl Extrinsics {
-    pub(super) const ORIGIN: Extrinsics = Extrinsics { rotation: DMat3::IDENTITY, translation: DVec3::ZERO };
-
-    /// Centre of projection in world coordinates, in the calibration's unit.
-    pub fn center(&self) -> DVec3 {
-        -(self.rotation.transpose() * self.translation)
-    }
-
-    /// In the world of a reference, where a camera stands whose own world is the reference.
-    pub(super) fn after(&self, reference_from_world: &Extrinsics) -> Extrinsics {
-        Extrinsics {
-            rotation: self.rotation * reference_from_world.rotation,
-            translation: self.rotation * reference_from_world.translation + self.translation,
-        }
-    }
-}
-
 /// One camera of a calibration.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FoundCamera {
@@ -150,8 +125,8 @@ pub struct FoundCamera {
     pub projection: Projection,
     /// What its lens does, if anything.
     pub distortion: Option<Distortion>,
-    /// Where it stands, if the calibration has it.
-    pub extrinsics: Option<Extrinsics>,
+    /// Where it stands, if the calibration has it: `camera_from_world` with OpenCV's axes, in the calibration's unit.
+    pub extrinsics: Option<Rigid>,
 }
 
 /// The cameras of a calibration, checked: ids are unique, numbers finite, rotations proper.
@@ -163,7 +138,7 @@ pub struct FoundCalibration {
     pub format: CalibrationFormat,
     /// At least one camera.
     pub cameras: Vec<FoundCamera>,
-    /// The unit of [`Extrinsics::translation`].
+    /// The unit of where cameras stand.
     pub unit: LengthUnit,
     /// What was converted, assumed or ignored, one sentence each.
     pub remarks: Vec<String>,
@@ -208,7 +183,7 @@ impl FoundCalibration {
     /// # Errors
     /// [`CaptureError`] if the camera was calibrated for another size, or shows almost nothing of such images.
     pub fn lens_at_origin(&self, camera: &FoundCamera, size: [u32; 2]) -> Result<LensCamera, CaptureError> {
-        self.lens(camera, size, &Extrinsics::ORIGIN)
+        self.lens(camera, size, &Rigid::IDENTITY)
     }
 
     /// A camera for images of that width and height where it stands, if one unit of the calibration is so many metres.
@@ -222,11 +197,11 @@ impl FoundCalibration {
         size: [u32; 2],
         metres_per_unit: f64,
     ) -> Result<LensCamera, CaptureError> {
-        let Some(Extrinsics { rotation, translation }) = camera.extrinsics else {
+        let Some(Rigid { rotation, translation }) = camera.extrinsics else {
             let problem = "is missing: the calibration does not tell where this camera stands; give one that does";
             return Err(self.invalid(&camera.id, "extrinsics", problem));
         };
-        self.lens(camera, size, &Extrinsics { rotation, translation: translation * metres_per_unit })
+        self.lens(camera, size, &Rigid { rotation, translation: translation * metres_per_unit })
     }
 
     /// All cameras, in metres, if the calibration leaves nothing open.
@@ -259,7 +234,7 @@ impl FoundCalibration {
         FileValidator { path: &self.path }.invalid(format!("{}.{part}", field_of(id)), problem)
     }
 
-    fn lens(&self, found: &FoundCamera, size: [u32; 2], at: &Extrinsics) -> Result<LensCamera, CaptureError> {
+    fn lens(&self, found: &FoundCamera, size: [u32; 2], at: &Rigid) -> Result<LensCamera, CaptureError> {
         let [width, height] = size;
         if let Some([w, h]) = found.size.filter(|calibrated| *calibrated != size) {
             let problem = format!(

@@ -9,8 +9,9 @@ use ghand_files::input_file;
 use glam::{DMat3, DMat4, DQuat, DVec3, DVec4};
 
 use super::field::Field;
-use super::found::{CalibrationFormat, Extrinsics, FoundCalibration, FoundCamera, LengthUnit, Projection};
+use super::found::{CalibrationFormat, FoundCalibration, FoundCamera, LengthUnit, Projection};
 use super::node::Node;
+use crate::cameras::rigid::Rigid;
 use crate::error::CaptureError;
 use crate::reading::validation::FileValidator;
 
@@ -156,7 +157,7 @@ fn local(node: &Field) -> Result<DMat4, CaptureError> {
 }
 
 /// Where a camera of that `world_from_camera` stands. Even scales of nodes above it have no effect on its picture.
-fn extrinsics(node: &Field, world: &DMat4) -> Result<Extrinsics, CaptureError> {
+fn extrinsics(node: &Field, world: &DMat4) -> Result<Rigid, CaptureError> {
     let axes = DMat3::from_mat4(*world);
     let scale = axes.determinant().cbrt();
     let turned = if scale > 0.0 { axes * (1.0 / scale) } else { axes };
@@ -164,5 +165,5 @@ fn extrinsics(node: &Field, world: &DMat4) -> Result<Extrinsics, CaptureError> {
     let flip = DMat3::from_diagonal(DVec3::new(1.0, -1.0, -1.0));
     let rotation = FileValidator { path: node.path }.rotation(node.name.clone(), flip * turned.transpose())?;
     let center: DVec4 = world.w_axis;
-    Ok(Extrinsics { rotation, translation: -(rotation * center.truncate()) })
+    Ok(Rigid { rotation, translation: -(rotation * center.truncate()) })
 }

@@ -5,9 +5,10 @@ use std::path::Path;
 use glam::{DMat3, DVec3};
 
 use super::field::Field;
-use super::found::{CalibrationFormat, Extrinsics, FoundCalibration, FoundCamera, LengthUnit};
+use super::found::{CalibrationFormat, FoundCalibration, FoundCamera, LengthUnit};
 use super::lens;
 use super::node::Node;
+use crate::cameras::rigid::Rigid;
 use crate::error::CaptureError;
 use crate::reading::validation::FileValidator;
 
@@ -27,10 +28,10 @@ pub(super) fn recognises(path: &Path, node: &Node) -> bool {
 pub(super) fn read(path: &Path, node: &Node) -> Result<FoundCalibration, CaptureError> {
     let root = Field::root(path, node);
     let mut found = vec![];
-    let mut before: Option<Extrinsics> = None;
+    let mut before: Option<Rigid> = None;
     for (number, (name, camera)) in cameras(&root).into_iter().enumerate() {
         let extrinsics = match (number, camera.find("T_cn_cnm1"), before) {
-            (0, _, _) => Some(Extrinsics::ORIGIN),
+            (0, _, _) => Some(Rigid::IDENTITY),
             (_, Some(transform), Some(before)) => Some(rigid(&transform)?.after(&before)),
             _ => None,
         };
@@ -48,7 +49,7 @@ pub(super) fn read(path: &Path, node: &Node) -> Result<FoundCalibration, Capture
     FoundCalibration::checked(path, CalibrationFormat::Kalibr, LengthUnit::Metre, found, remarks)
 }
 
-fn read_camera(name: &str, camera: &Field, extrinsics: Option<Extrinsics>) -> Result<FoundCamera, CaptureError> {
+fn read_camera(name: &str, camera: &Field, extrinsics: Option<Rigid>) -> Result<FoundCamera, CaptureError> {
     let model = camera.require("camera_model")?;
     if model.text()? != "pinhole" {
         let problem =
@@ -80,11 +81,11 @@ fn read_camera(name: &str, camera: &Field, extrinsics: Option<Extrinsics>) -> Re
 }
 
 /// A rigid transform of 4 rows of 4.
-fn rigid(field: &Field) -> Result<Extrinsics, CaptureError> {
+fn rigid(field: &Field) -> Result<Rigid, CaptureError> {
     let [a, b, c, x, d, e, f, y, g, h, i, z, 0.0, 0.0, 0.0, 1.0] = field.numbers()?[..] else {
         return Err(field.invalid("must be 4 rows of 4 numbers, the last of them 0, 0, 0, 1"));
     };
     let rotation = DMat3::from_cols_array(&[a, b, c, d, e, f, g, h, i]).transpose();
     let rotation = FileValidator { path: field.path }.rotation(field.name.clone(), rotation)?;
-    Ok(Extrinsics { rotation, translation: DVec3::new(x, y, z) })
+    Ok(Rigid { rotation, translation: DVec3::new(x, y, z) })
 }

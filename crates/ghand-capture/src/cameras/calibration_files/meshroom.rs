@@ -10,10 +10,11 @@ use glam::DMat3;
 
 use super::super::distortion::Distortion;
 use super::field::Field;
-use super::found::{CalibrationFormat, Extrinsics, FoundCalibration, FoundCamera, LengthUnit, Projection};
+use super::found::{CalibrationFormat, FoundCalibration, FoundCamera, LengthUnit, Projection};
 use super::lens;
 use super::node::Node;
 use super::shots::{self, Shot};
+use crate::cameras::rigid::Rigid;
 use crate::error::CaptureError;
 use crate::reading::validation::FileValidator;
 
@@ -81,12 +82,12 @@ pub(super) fn read(path: &Path, node: &Node) -> Result<FoundCalibration, Capture
 }
 
 /// `camera_from_world`, by columns, and the centre.
-fn place(pose: &Field) -> Result<Extrinsics, CaptureError> {
+fn place(pose: &Field) -> Result<Rigid, CaptureError> {
     let transform = pose.require("pose")?.require("transform")?;
     let rotation = transform.require("rotation")?;
     let columns: DMat3 = rotation.matrix()?.transpose();
     let turned = FileValidator { path: pose.path }.rotation(rotation.name.clone(), columns)?;
-    Ok(Extrinsics { rotation: turned, translation: -(turned * transform.require("center")?.vector()?) })
+    Ok(Rigid { rotation: turned, translation: -(turned * transform.require("center")?.vector()?) })
 }
 
 fn projection(lens: &Field, version: Version) -> Result<Projection, CaptureError> {

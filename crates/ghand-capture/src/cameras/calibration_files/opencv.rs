@@ -11,9 +11,10 @@ use std::path::{Path, PathBuf};
 use self::names::{Part, Quantity};
 use super::super::distortion::Distortion;
 use super::field::Field;
-use super::found::{CalibrationFormat, Extrinsics, FoundCalibration, FoundCamera, LengthUnit, Projection};
+use super::found::{CalibrationFormat, FoundCalibration, FoundCamera, LengthUnit, Projection};
 use super::lens;
 use super::node::Node;
+use crate::cameras::rigid::Rigid;
 use crate::error::CaptureError;
 use crate::reading::validation::FileValidator;
 
@@ -27,7 +28,7 @@ pub(super) struct Content {
     is_ros: bool,
     size: Option<[u32; 2]>,
     lenses: Vec<(String, Projection, Option<Distortion>)>,
-    places: Vec<(String, Extrinsics)>,
+    places: Vec<(String, Rigid)>,
     remarks: Vec<String>,
 }
 
@@ -94,7 +95,7 @@ fn content(group: &Field, key: &str) -> Result<Content, CaptureError> {
         match find(Quantity::Translation, &rotation.suffix) {
             Some(translation) => {
                 let place =
-                    Extrinsics { rotation: field(rotation)?.rotation()?, translation: field(translation)?.vector()? };
+                    Rigid { rotation: field(rotation)?.rotation()?, translation: field(translation)?.vector()? };
                 places.push((rotation.suffix.clone(), place));
             }
             // R1 and R2 beside P1 and P2.
@@ -168,7 +169,7 @@ pub(super) fn read(path: &Path, contents: Vec<Content>) -> Result<FoundCalibrati
         for (number, (suffix, projection, distortion)) in content.lenses.iter().enumerate() {
             let extrinsics = match (content.lenses.len(), number, place("")) {
                 (1, _, between) => place(suffix).or(between),
-                (_, 0, Some(_)) if is_pair => Some(Extrinsics::ORIGIN),
+                (_, 0, Some(_)) if is_pair => Some(Rigid::IDENTITY),
                 (_, _, between) if is_pair => between,
                 _ => place(suffix),
             };

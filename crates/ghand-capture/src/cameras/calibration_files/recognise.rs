@@ -4,9 +4,10 @@ use std::path::{Path, PathBuf};
 
 use ghand_files::input_file;
 
-use super::found::{CalibrationFormat, Extrinsics, FoundCalibration, FoundCamera, LengthUnit, Projection};
+use super::found::{CalibrationFormat, FoundCalibration, FoundCamera, LengthUnit, Projection};
 use super::node::Node;
 use super::{anipose, colmap, dat_files, easymocap, gltf, kalibr, meshroom, opencv};
+use crate::cameras::rigid::Rigid;
 use crate::error::CaptureError;
 use crate::reading::text_file::text_of;
 use crate::reading::validation::FileValidator;
@@ -171,7 +172,7 @@ fn own(path: &Path) -> Result<FoundCalibration, CaptureError> {
         size: Some([lens.camera.width, lens.camera.height]),
         projection: Projection::Pixels { focal: lens.camera.focal, principal: lens.camera.principal },
         distortion: lens.distortion,
-        extrinsics: Some(Extrinsics { rotation: lens.camera.rotation, translation: lens.camera.translation }),
+        extrinsics: Some(Rigid { rotation: lens.camera.rotation, translation: lens.camera.translation }),
     };
     let cameras = super::super::list::read_own_cameras(path)?.into_iter().map(found).collect();
     FoundCalibration::checked(path, CalibrationFormat::Ghand, LengthUnit::Metre, cameras, vec![])

@@ -15,10 +15,3 @@ pub(super) fn from_wxyz([w, x, y, z]: [f64; 4]) -> Option<DMat3> {
     let length = quaternion.length();
     (length > 1e-6 && length.is_finite()).then(|| DMat3::from_quat(quaternion / length))
 }
-
-/// The angle between two rotations, radians.
-pub(super) fn angle_between(one: &DMat3, other: &DMat3) -> f64 {
-    let turn = *one * other.transpose();
-    let cosine = 0.5 * (turn.x_axis.x + turn.y_axis.y + turn.z_axis.z - 1.0);
-    cosine.clamp(-1.0, 1.0).acos()
-}

@@ -6,8 +6,7 @@ use std::path::Path;
 
 use glam::{DMat3, DQuat, DVec3};
 
-use super::found::Extrinsics;
-use super::rotations::angle_between;
+use crate::cameras::rigid::Rigid;
 use crate::error::CaptureError;
 use crate::reading::validation::FileValidator;
 
@@ -25,14 +24,14 @@ pub(super) struct Shot<L> {
     pub path: String,
     /// What its lens is known by.
     pub lens: L,
-    pub place: Extrinsics,
+    pub place: Rigid,
 }
 
 /// A camera that took some images.
 pub(super) struct ShotCamera<L> {
     pub id: String,
     pub lens: L,
-    pub place: Extrinsics,
+    pub place: Rigid,
 }
 
 /// The folders of an image's path and its name without ending.
@@ -102,13 +101,13 @@ pub(super) fn cameras<L: Copy + Eq + Hash>(path: &Path, shots: &[Shot<L>]) -> Re
         }
         cameras.push(ShotCamera { id, lens: first.lens, place: mean(group) });
     }
-    let centers: Vec<DVec3> = cameras.iter().map(|camera| camera.place.center()).collect();
+    let centers: Vec<DVec3> = cameras.iter().map(|camera| center(&camera.place)).collect();
     let pairs = centers.iter().flat_map(|one| centers.iter().map(|other| one.distance(*other)));
     let size = pairs.fold(0.0, f64::max);
     for (camera, (_, group)) in cameras.iter().zip(&groups) {
         let moved = |shot: &&&Shot<L>| {
-            let turn = angle_between(&shot.place.rotation, &camera.place.rotation);
-            let distance = shot.place.center().distance(camera.place.center());
+            let turn = shot.place.angle(&camera.place);
+            let distance = center(&shot.place).distance(center(&camera.place));
             !(turn <= LARGEST_TURN && distance <= LARGEST_PART * size)
         };
         if let Some(shot) = group.iter().find(moved).filter(|_| group.len() > 1) {
@@ -123,20 +122,24 @@ pub(super) fn cameras<L: Copy + Eq + Hash>(path: &Path, shots: &[Shot<L>]) -> Re
     Ok(cameras)
 }
 
+fn center(place: &Rigid) -> DVec3 {
+    place.inverse().translation
+}
+
 /// The mean place of images.
-fn mean<L>(group: &[&Shot<L>]) -> Extrinsics {
+fn mean<L>(group: &[&Shot<L>]) -> Rigid {
     let quaternions = group.iter().map(|shot| DQuat::from_mat3(&shot.place.rotation));
     // A quaternion and its negative are the same rotation.
     let sum = quaternions
         .fold(DQuat::from_xyzw(0.0, 0.0, 0.0, 0.0), |sum, q| if sum.dot(q) < 0.0 { sum + -q } else { sum + q });
     let count = group.len() as f64;
-    let center = group.iter().map(|shot| shot.place.center()).sum::<DVec3>() / count;
+    let center = group.iter().map(|shot| center(&shot.place)).sum::<DVec3>() / count;
     match group {
         // Without rounding.
         [only] => only.place,
         _ => {
             let rotation = DMat3::from_quat(sum.normalize());
-            Extrinsics { rotation, translation: -(rotation * center) }
+            Rigid { rotation, translation: -(rotation * center) }
         }
     }
 }
@@ -147,12 +150,12 @@ mod tests {
 
     fn shot(path: &str, lens: u32, turn: f64, x: f64) -> Shot<u32> {
         let rotation = DMat3::from_rotation_y(turn);
-        Shot { path: path.into(), lens, place: Extrinsics { rotation, translation: -(rotation * DVec3::X * x) } }
+        Shot { path: path.into(), lens, place: Rigid { rotation, translation: -(rotation * DVec3::X * x) } }
     }
 
     fn found(shots: &[Shot<u32>]) -> Result<Vec<(String, u32, f64)>, String> {
         let cameras = cameras(Path::new("model"), shots).map_err(|error| error.to_string())?;
-        Ok(cameras.into_iter().map(|camera| (camera.id, camera.lens, camera.place.center().x)).collect())
+        Ok(cameras.into_iter().map(|camera| (camera.id, camera.lens, center(&camera.place).x)).collect())
     }
 
     #[test]
