@@ -1,6 +1,5 @@
 //! The baked avatar that `--baked` plays: `avatar.baked.ghand` beside `avatar.ghand`, made again when that one has changed.
 
-use std::convert::Infallible;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
@@ -43,12 +42,4 @@ pub fn baked(gpu: &Gpu, path: &Path) -> anyhow::Result<PathBuf> {
 fn is_newer(path: &Path, than: &Path) -> bool {
     let written = |path: &Path| std::fs::metadata(path).and_then(|metadata| metadata.modified()).ok();
     written(path).zip(written(than)).is_some_and(|(path, than)| path >= than)
-}
-
-/// Refuses the values of `--quality`.
-///
-/// # Errors
-/// Always: by what the option was replaced.
-pub fn refuse_quality(_: &str) -> Result<Infallible, String> {
-    Err("the option was removed; `viewer` and `ghand render` play an avatar baked with --baked".into())
 }

@@ -88,9 +88,6 @@ pub fn is_hand_name(path: &Path) -> bool {
 /// # Errors
 /// As in [`HandModelReading::load`].
 pub fn load_hand_model(path: &Path, options: &ReadOptions) -> anyhow::Result<HandModelFile> {
-    if path == Path::new("procedural") && !path.exists() {
-        bail!("procedural: procedural hands were removed; give builtin, builtin-left or the file of a hand model");
-    }
     if let Some(model) = path.to_str().and_then(hand_by_name) {
         return Ok(HandModelFile { model: model?, kind: HAND_OF_GHAND, warnings: vec![] });
     }

@@ -2,7 +2,7 @@
 
 use std::process::ExitCode;
 
-use clap::{Args, Parser, Subcommand};
+use clap::{Parser, Subcommand};
 use ghand_app::cli::{self, AdapterArgs};
 use ghand_app::commands::{bake, board, capture, evaluate, export, import, inspect, pose, render, serve, splat, track};
 
@@ -42,30 +42,6 @@ enum Command {
     Splat(splat::SplatArgs),
     /// Find hands in a video or in pictures, and write their landmarks
     Track(track::TrackArgs),
-    #[command(hide = true)]
-    Ablate(Moved),
-    #[command(hide = true)]
-    Bench(Moved),
-    #[command(hide = true)]
-    Explain(Moved),
-    #[command(hide = true)]
-    Stress(Moved),
-    #[command(hide = true)]
-    Tradeoff(Moved),
-}
-
-/// A command that is one of `ghand-lab`.
-#[derive(Debug, Args)]
-struct Moved {
-    #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
-    arguments: Vec<String>,
-}
-
-impl Moved {
-    fn refused(&self, name: &str) -> anyhow::Result<()> {
-        let arguments: String = self.arguments.iter().map(|argument| format!(" {argument}")).collect();
-        anyhow::bail!("`ghand {name}` is a command of the laboratory: ghand-lab {name}{arguments}")
-    }
 }
 
 fn main() -> ExitCode {
@@ -82,10 +58,5 @@ fn main() -> ExitCode {
         Command::Serve(args) => serve::run(args),
         Command::Splat(args) => splat::run(args, &arguments.adapter),
         Command::Track(args) => track::run(args),
-        Command::Ablate(args) => args.refused("ablate"),
-        Command::Bench(args) => args.refused("bench"),
-        Command::Explain(args) => args.refused("explain"),
-        Command::Stress(args) => args.refused("stress"),
-        Command::Tradeoff(args) => args.refused("tradeoff"),
     })
 }

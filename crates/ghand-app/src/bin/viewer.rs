@@ -1,6 +1,5 @@
 //! `viewer`: shows an avatar in any pose from any side.
 
-use std::convert::Infallible;
 use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -8,7 +7,7 @@ use std::time::Instant;
 
 use anyhow::{Context, bail};
 use clap::Parser;
-use ghand_app::baked::{baked, refuse_quality};
+use ghand_app::baked::baked;
 use ghand_app::capture_args::CaptureOptions;
 use ghand_app::cli::{self, AdapterArgs, parse_size};
 use ghand_app::command_inputs::CommandInputs;
@@ -55,8 +54,6 @@ struct Arguments {
     /// Play the avatar baked, which is faster; it is baked first, unless it is beside the avatar already
     #[arg(long)]
     baked: bool,
-    #[arg(long = "quality", hide = true, value_parser = refuse_quality)]
-    _quality: Option<Infallible>,
     /// A capture whose cameras and frames the panel offers: its folder or capture.json, or a data set's folder
     #[arg(long, value_name = "PATH")]
     capture: Option<PathBuf>,

@@ -42,9 +42,6 @@ pub struct EvaluateArgs {
     /// Split to evaluate on
     #[arg(long, default_value = "test")]
     split: String,
-    // What it did is a command of `ghand-lab`.
-    #[arg(long, hide = true)]
-    poses: Option<String>,
     /// In which poses avatar and floor are drawn [default: given if the capture has exact poses, else masks]
     #[arg(long, value_enum)]
     protocol: Option<ProtocolArg>,
@@ -62,8 +59,8 @@ pub struct EvaluateArgs {
     #[command(flatten)]
     lpips: LpipsArgs,
     /// Folder for metrics.json and report.png
-    #[arg(long, value_name = "DIR", required_unless_present = "poses")]
-    out: Option<PathBuf>,
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
     /// Replace earlier results in the folder
     #[arg(long)]
     force: bool,
@@ -106,9 +103,6 @@ struct EvaluationFile {
 /// # Errors
 /// An error that names the file or the option and its problem.
 pub fn run(args: &EvaluateArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
-    if args.poses.is_some() {
-        bail!("--poses: is a command of the laboratory: ghand-lab cleanliness {} --capture DIR", args.avatar.display());
-    }
     run_watched(args, adapter, &Interruption::listen(STOPPED)?)
 }
 
@@ -122,7 +116,7 @@ pub fn run_watched(args: &EvaluateArgs, adapter: &AdapterArgs, interruption: &In
     let lpips = args.lpips.weights().load()?;
     let mut gpu = adapter.open()?;
     say!("adapter: {}", gpu.info.name);
-    let folder = RunFolder::named(args.out.as_deref().context("--out: is missing")?, args.force)?;
+    let folder = RunFolder::named(&args.out, args.force)?;
     interruption.end_with(STOPPED.into());
     interruption.remove_at_end(folder.leftovers());
 
@@ -218,8 +212,8 @@ pub fn run_watched(args: &EvaluateArgs, adapter: &AdapterArgs, interruption: &In
 
 /// Fails if the results would go to the capture's folder.
 fn check_out(args: &EvaluateArgs) -> anyhow::Result<()> {
-    match (&args.out, &args.capture.capture) {
-        (Some(out), Some(capture)) if !args.force => refuse_capture_folder("--out", out, capture),
+    match &args.capture.capture {
+        Some(capture) if !args.force => refuse_capture_folder("--out", &args.out, capture),
         _ => Ok(()),
     }
 }

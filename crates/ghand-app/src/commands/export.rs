@@ -8,7 +8,6 @@ mod scene;
 mod spark;
 mod web_page;
 
-use std::convert::Infallible;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
@@ -74,10 +73,6 @@ pub struct ExportArgs {
     fit_pose_correctives: bool,
     #[command(flatten)]
     reading: HandModelArgs,
-    #[arg(long = "ply", hide = true, group = "output", value_parser = refuse_former)]
-    _ply: Option<Infallible>,
-    #[arg(long = "glb", hide = true, group = "output", value_parser = refuse_former)]
-    _glb: Option<Infallible>,
 }
 
 /// Whose names the joints are given.
@@ -100,10 +95,6 @@ impl JointNames {
             JointNames::Webxr => xr_joint_names(names, XrNames::WebXr),
         }
     }
-}
-
-fn refuse_former(_: &str) -> Result<Infallible, String> {
-    Err("the option was replaced; give --out FILE, whose ending (.glb, .ply, .spz, .html) says the format".into())
 }
 
 fn parse_texture(text: &str) -> Result<u32, String> {

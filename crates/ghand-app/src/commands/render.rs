@@ -2,7 +2,6 @@
 
 mod avatar_colors;
 
-use std::convert::Infallible;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
@@ -16,7 +15,7 @@ use ghand_motion::{PoseFrame, PoseSequence};
 use ghand_pictures::{Background, Destination, Series, Shot, parse_background, turn_rate};
 use ghand_render::splat::{Purpose, band_rows};
 
-use crate::baked::{baked, refuse_quality};
+use crate::baked::baked;
 use crate::cli::{AdapterArgs, parse_count, parse_size};
 use crate::command_inputs::{CommandInputs, camera_file};
 use crate::format_args::FormatArgs;
@@ -74,8 +73,6 @@ pub struct RenderArgs {
     /// Draw the avatar baked, which is faster; it is baked first, unless it is beside the avatar already
     #[arg(long)]
     baked: bool,
-    #[arg(long = "quality", hide = true, value_parser = refuse_quality)]
-    _quality: Option<Infallible>,
     #[command(flatten)]
     format: FormatArgs,
     /// Colour behind the hand, display values from 0 to 1; or transparent: colours are multiplied by alpha in

@@ -6,7 +6,6 @@ mod plan;
 mod training;
 mod writing;
 
-use std::convert::Infallible;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -14,7 +13,6 @@ use anyhow::{anyhow, bail};
 use clap::Args;
 use ghand_train::TrainingProgress;
 
-use crate::baked::refuse_quality;
 use crate::capture_args::CaptureArgs;
 use crate::cli::{AdapterArgs, Stopped};
 use crate::lpips_args::LpipsArgs;
@@ -67,8 +65,6 @@ pub struct TrainArgs {
     /// Keep a checkpoint of every so many iterations, beside the last two, and after the run [default: 0, none]
     #[arg(long, value_name = "N")]
     keep_checkpoints: Option<u64>,
-    #[arg(long = "quality", hide = true, value_parser = refuse_quality)]
-    _quality: Option<Infallible>,
     /// Train even if the capture cannot give an avatar, such as one in millimetres; its problems become warnings.
     #[arg(long)]
     ignore_checks: bool,

@@ -361,13 +361,6 @@ fn every_program_that_opens_a_hand_warns_as_inspect_does() {
 }
 
 #[test]
-fn a_procedural_hand_is_refused_as_removed() {
-    let folder = tempfile::tempdir().unwrap();
-    let output = run(GHAND, folder.path(), &["pose", "--hand-model", "procedural", "--out", "a.obj"]);
-    assert_one_sentence(&output, &["procedural", "removed", "builtin"]);
-}
-
-#[test]
 fn inspect_lists_the_part_of_each_joint() {
     let folder = tempfile::tempdir().unwrap();
     let model = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();
