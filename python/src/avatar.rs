@@ -101,11 +101,7 @@ pub fn load(py: Python<'_>, path: PathBuf, light: Option<PathBuf>, light_turn: f
     if !light_turn.is_finite() {
         return Err(wrong(format!("light_turn: is {light_turn}, must be finite")));
     }
-    let source = match light.as_ref().map(|light| light.to_str()) {
-        None | Some(Some("capture")) => LightSource::Capture,
-        Some(Some("studio")) => LightSource::Studio,
-        Some(_) => LightSource::Panorama(light.unwrap_or_default()),
-    };
+    let source = light.map(LightSource::of).unwrap_or_default();
     let loaded = py.detach(|| -> anyhow::Result<Loaded> {
         let mut avatar = LoadedAvatar::load(&path)?;
         Lighting { source, turn: light_turn }.apply_to(&mut avatar)?;

@@ -2,7 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::bail;
+use anyhow::{anyhow, bail};
+use clap::Args;
 use ghand_capture::capture::HandModelSource;
 use ghand_capture::mask::MaskMethod;
 use ghand_capture::{Capture, CaptureKind, OpenOptions, Opened};
@@ -13,28 +14,44 @@ use serde::{Deserialize, Serialize};
 use crate::hand_model_file::HandModelReading;
 use crate::say;
 
-/// A capture and what its own files do not say. Part of a run's record on disk.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+/// Options that say which capture, and what its own files do not say. Part of a run's record on disk.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, Args)]
 pub struct CaptureSource {
-    /// Folder of a capture or its capture.json.
+    /// Folder of a capture or its capture.json; InterHand2.6M or one of its folders, such as images/test/Capture0; or a
+    /// subject of the Hand Appearance dataset.
+    #[arg(long)]
     pub capture: Option<PathBuf>,
     /// What its own files do not say.
+    #[command(flatten)]
     pub options: CaptureReading,
 }
 
-/// What a capture's own files do not say.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+/// What a capture's own files do not say. Commands that take it call the capture's argument `capture`.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, Args)]
 pub struct CaptureReading {
-    /// MANO model for captures whose poses are MANO's.
+    /// MANO model for captures whose poses are MANO's: MANO_RIGHT.pkl, or MANO_LEFT.pkl for the left hand.
+    #[arg(long, value_name = "FILE", requires = "capture")]
     pub hand_model: Option<PathBuf>,
     /// How to read that file, or any other hand model of a command.
+    #[command(flatten)]
     pub hand_model_args: HandModelReading,
-    /// InterHand2.6M: sequences to train on; none: the usual ones.
+    /// InterHand2.6M: sequences to train on [default: ROM04_RT_Occlusion, LT for a left hand]
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', requires = "capture")]
     pub train_sequences: Vec<String>,
-    /// InterHand2.6M: sequences to test on; none: the usual ones.
+    /// InterHand2.6M: sequences to test on [default: ROM03_RT_No_Occlusion, LT for a left hand]
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', requires = "capture")]
     pub test_sequences: Vec<String>,
-    /// Hand Appearance: principal point in pixels.
+    /// Hand Appearance: principal point in pixels [default: 224,224]
+    #[arg(long, value_name = "X,Y", value_parser = parse_point, requires = "capture")]
     pub principal_point: Option<DVec2>,
+}
+
+fn parse_point(text: &str) -> anyhow::Result<DVec2> {
+    let point = text.split_once(',').and_then(|(x, y)| {
+        let number = |t: &str| t.trim().parse::<f64>().ok().filter(|v| v.is_finite());
+        Some(DVec2::new(number(x)?, number(y)?))
+    });
+    point.ok_or_else(|| anyhow!("must be two numbers in pixels, such as 224,224"))
 }
 
 impl CaptureSource {
@@ -188,4 +205,17 @@ pub fn check_sides(avatar: &str, side: Side, capture: &Capture) -> anyhow::Resul
         );
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_are_two_numbers() {
+        assert_eq!(parse_point("224, 230.5").unwrap(), DVec2::new(224.0, 230.5));
+        for text in ["", "224", "1,2,3", "a,b", "1,nan", "1,inf"] {
+            assert!(parse_point(text).is_err(), "{text}");
+        }
+    }
 }

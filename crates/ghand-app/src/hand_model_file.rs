@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::bail;
+use clap::Args;
 use ghand_avatar::Avatar;
 use ghand_core::Side;
 use ghand_hand_model::builtin::{HAND_NAMES, builtin_hand, hand_by_name};
@@ -15,12 +16,14 @@ use crate::file_kind::{FileKind, file_kind};
 /// The kind of a hand that is part of the program.
 const HAND_OF_GHAND: &str = "hand of ghand";
 
-/// How to read a hand model. Part of a run's record on disk.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+/// Options that say how to read a hand model. Part of a run's record on disk.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, Args)]
 pub struct HandModelReading {
-    /// OBJ file with UVs for a MANO model.
+    /// OBJ file with UVs for a MANO model, which has none [default: generated]
+    #[arg(long, value_name = "FILE")]
     pub uv: Option<PathBuf>,
-    /// Whether the shape directions of a MANO left hand stay as published.
+    /// Keep the shape directions of a MANO left hand as published, mirrored by mistake [default: correct them]
+    #[arg(long)]
     pub left_shapes_as_published: bool,
 }
 

@@ -4,6 +4,8 @@ use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, anyhow, bail};
+use clap::Args;
+use clap::builder::{PathBufValueParser, TypedValueParser};
 use ghand_avatar::{Avatar, Light};
 use ghand_files::input_file;
 use image::{ImageFormat, ImageReader};
@@ -23,13 +25,33 @@ pub enum LightSource {
     Panorama(PathBuf),
 }
 
-/// The light in which an avatar is shown.
-#[derive(Debug, Clone, Default, PartialEq)]
+impl LightSource {
+    /// A light by name, or else a panorama's file.
+    pub fn of(name: PathBuf) -> LightSource {
+        match name.to_str() {
+            Some("capture") => LightSource::Capture,
+            Some("studio") => LightSource::Studio,
+            _ => LightSource::Panorama(name),
+        }
+    }
+}
+
+/// Options for the light in which an avatar is shown.
+#[derive(Debug, Clone, Default, PartialEq, Args)]
 pub struct Lighting {
-    /// The light.
+    /// Light of the avatar: of its capture, of a studio, or of a panorama of all directions (.exr, .hdr)
+    #[arg(long = "light", value_name = "capture|studio|FILE", default_value = "capture")]
+    #[arg(value_parser = PathBufValueParser::new().map(LightSource::of))]
     pub source: LightSource,
-    /// How far it is turned about the vertical, degrees.
+    /// Turn the light about the vertical, degrees
+    #[arg(long = "light-turn", value_name = "DEGREES", default_value = "0", allow_negative_numbers = true)]
+    #[arg(value_parser = parse_turn)]
     pub turn: f64,
+}
+
+fn parse_turn(text: &str) -> Result<f64, String> {
+    let degrees = text.parse().ok().filter(|degrees: &f64| degrees.is_finite());
+    degrees.ok_or_else(|| "must be a number of degrees, such as 90 or -45".into())
 }
 
 impl Lighting {

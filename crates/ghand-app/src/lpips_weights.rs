@@ -4,16 +4,18 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use anyhow::Context;
+use clap::Args;
 use ghand_capture::Capture;
 use ghand_measure::lpips::{BACKBONE, Lpips};
 use serde::{Deserialize, Serialize};
 
 use crate::say;
 
-/// Where the weights for LPIPS are. Part of a run's record on disk.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+/// The option that says where the weights for LPIPS are. Part of a run's record on disk.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, Args)]
 pub struct LpipsWeights {
-    /// A safetensors file; `None`: the built-in weights.
+    /// Weights for LPIPS, a safetensors file that scripts/lpips_weights.py makes [default: the published ones, built in]
+    #[arg(long, value_name = "FILE")]
     pub lpips: Option<PathBuf>,
 }
 

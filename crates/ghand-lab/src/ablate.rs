@@ -17,7 +17,7 @@ use ghand_render::Gpu;
 use ghand_train::{Align, TrainError, TrainSettings, Trainer};
 use serde::Serialize;
 
-use ghand_app::capture_args::CaptureArgs;
+use ghand_app::capture_source::CaptureSource;
 use ghand_app::cli::{AdapterArgs, Stopped};
 use ghand_app::command_inputs::refuse_capture_folder;
 use ghand_app::say;
@@ -32,7 +32,7 @@ use ghand_pictures::write_png;
 #[command(group = clap::ArgGroup::new("subject").args(["capture"]).required(true))]
 pub struct AblateArgs {
     #[command(flatten)]
-    capture: CaptureArgs,
+    capture: CaptureSource,
     /// Split to train on
     #[arg(long, default_value = "train")]
     split: String,
@@ -128,7 +128,7 @@ pub fn run(args: &AblateArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let path = args.capture.capture.as_ref().context("--capture: is missing")?;
     refuse_capture_folder("--out", &args.out, path)?;
     let _claim = Claim::folder(&args.out)?;
-    let capture = args.capture.source().open(path, &[&args.split, &args.test_split], &[])?;
+    let capture = args.capture.open(path, &[&args.split, &args.test_split], &[])?;
     if capture.split(&args.test_split)?.views.is_empty() {
         bail!("{}: the split {:?} has no images to compare with", path.display(), args.test_split);
     }

@@ -11,7 +11,7 @@ use anyhow::{Context, bail};
 use cameras::{Footprint, all_around, direction_around};
 use clap::Args;
 use figures::{Cleanliness, DetailEnergy, HandPicture, KnownColors, PictureSums, sample_of};
-use ghand_app::capture_args::CaptureArgs;
+use ghand_app::capture_source::CaptureSource;
 use ghand_app::cli::AdapterArgs;
 use ghand_app::command_inputs::refuse_capture_folder;
 use ghand_app::commands::evaluate::check_joints;
@@ -42,7 +42,7 @@ pub struct CleanlinessArgs {
     /// The avatar, a .ghand file
     avatar: PathBuf,
     #[command(flatten)]
-    capture: CaptureArgs,
+    capture: CaptureSource,
     /// Split with images that training did not see: its figures are those of a perfect avatar
     #[arg(long, default_value = DEFAULT_SPLIT)]
     split: String,
@@ -185,7 +185,7 @@ pub fn run(args: &CleanlinessArgs, adapter: &AdapterArgs) -> anyhow::Result<()> 
         true => (vec![train_split], vec![DEFAULT_SPLIT]),
         false => (vec![train_split, &args.split], vec![]),
     };
-    let capture = args.capture.source().open(path, &needed, &optional)?;
+    let capture = args.capture.open(path, &needed, &optional)?;
     check_joints(&avatar, &args.avatar, &capture)?;
     let train = capture.split(train_split)?;
     let root = mean_root(&capture, train);

@@ -10,7 +10,7 @@ use anyhow::{Context, bail};
 use clap::Args;
 use ghand_avatar::Avatar;
 
-use ghand_app::capture_args::CaptureArgs;
+use ghand_app::capture_source::CaptureSource;
 use ghand_app::capture_source::check_sides;
 use ghand_app::cli::{AdapterArgs, parse_count};
 use ghand_app::command_inputs::refuse_capture_folder;
@@ -27,7 +27,7 @@ pub struct TradeoffArgs {
     #[arg(required = true, value_name = "AVATAR")]
     avatars: Vec<PathBuf>,
     #[command(flatten)]
-    capture: CaptureArgs,
+    capture: CaptureSource,
     /// Split of the capture whose images tell the accuracy
     #[arg(long, default_value = "test")]
     split: String,
@@ -63,7 +63,7 @@ pub fn run(args: &TradeoffArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     }
     report::check_folder(&args.out, args.force)?;
     let _claim = Claim::folder(&args.out)?;
-    let capture = args.capture.source().open(path, &[&args.split], &[])?;
+    let capture = args.capture.open(path, &[&args.split], &[])?;
     for ((_, avatar), path) in avatars.iter().zip(&args.avatars) {
         check_sides(&path.display().to_string(), avatar.template.side, &capture)?;
         if avatar.template.joint_names != capture.template.joint_names {

@@ -8,12 +8,11 @@ use std::time::Instant;
 use anyhow::{Context, bail};
 use clap::Parser;
 use ghand_app::baked::baked;
-use ghand_app::capture_args::CaptureOptions;
+use ghand_app::capture_source::CaptureReading;
 use ghand_app::cli::{self, AdapterArgs, parse_size};
 use ghand_app::command_inputs::CommandInputs;
 use ghand_app::demo_avatar::{DEMO_AVATAR_NAME, demo_avatar};
 use ghand_app::file_kind::{FileKind, file_kind};
-use ghand_app::light_args::LightArgs;
 use ghand_app::lighting::Lighting;
 use ghand_app::pose_choice::PoseReadingArgs;
 use ghand_app::same_tracker::SameTrackerArgs;
@@ -50,7 +49,7 @@ struct Arguments {
     #[command(flatten)]
     same_tracker: SameTrackerArgs,
     #[command(flatten)]
-    light: LightArgs,
+    light: Lighting,
     /// Play the avatar baked, which is faster; it is baked first, unless it is beside the avatar already
     #[arg(long)]
     baked: bool,
@@ -58,7 +57,7 @@ struct Arguments {
     #[arg(long, value_name = "PATH")]
     capture: Option<PathBuf>,
     #[command(flatten)]
-    capture_options: CaptureOptions,
+    capture_options: CaptureReading,
     /// What the colours of an avatar show
     #[arg(long, value_enum, default_value_t)]
     layer: Layer,
@@ -137,8 +136,8 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
         };
         path = Some(gpu.retry_on_device_loss("baking", |gpu| baked(gpu, &avatar))?);
     }
-    let light = arguments.light.lighting();
-    let (mut subject, source) = subject(path.as_deref(), &light)?;
+    let light = &arguments.light;
+    let (mut subject, source) = subject(path.as_deref(), light)?;
     match (&mut subject, arguments.pose) {
         (_, None) => arguments.same_tracker.refuse("says what poses are, and needs --pose")?,
         (Subject::Hand(hand), Some(text)) => {
@@ -157,9 +156,7 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
     }
     let capture = match (&arguments.capture, &subject) {
         (None, _) => None,
-        (Some(path), Subject::Hand(hand)) => {
-            Some(CapturePanel::open(path, &arguments.capture_options.reading(), hand.model())?)
-        }
+        (Some(path), Subject::Hand(hand)) => Some(CapturePanel::open(path, &arguments.capture_options, hand.model())?),
         (Some(_), Subject::Scene { .. }) => {
             bail!("--capture: {source} is a scene of Gaussians, which has no place in a capture; give an avatar")
         }
@@ -176,7 +173,7 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
     let mut viewer = Viewer::new(&gpu, subject, source.clone())?;
     viewer.log_start(start);
     if let Some(path) = &path {
-        viewer.watch(path, &light);
+        viewer.watch(path, light);
     }
     match training {
         Some(_) if arguments.baked => say!("the run is not followed: its next avatars are not baked"),
@@ -239,7 +236,7 @@ fn check_options(arguments: &Arguments) -> anyhow::Result<()> {
         arguments.reading.refuse_without("--pose")?;
     }
     if arguments.capture.is_none() {
-        arguments.capture_options.reading().refuse_without_capture()?;
+        arguments.capture_options.refuse_without_capture()?;
     }
     if let Some(path) = &arguments.screenshot {
         if path.extension().is_none_or(|ending| !ending.eq_ignore_ascii_case("png")) {
@@ -248,9 +245,9 @@ fn check_options(arguments: &Arguments) -> anyhow::Result<()> {
         let inputs = CommandInputs::default()
             .and(arguments.file.as_ref().filter(|file| file.is_file()))
             .and(arguments.reading.inputs(arguments.pose.as_deref()))
-            .and(arguments.light.lighting().input())
+            .and(arguments.light.input())
             .and(&arguments.capture)
-            .and(arguments.capture_options.reading().inputs());
+            .and(arguments.capture_options.inputs());
         inputs.refuse("--screenshot", path)?;
     }
     // clap does not require what conflicts with another option.

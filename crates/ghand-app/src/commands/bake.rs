@@ -21,8 +21,7 @@ use ghand_render::Gpu;
 use indicatif::ProgressBar;
 use serde::Serialize;
 
-use crate::capture_args::CaptureArgs;
-use crate::capture_source::check_sides;
+use crate::capture_source::{CaptureSource, check_sides};
 use crate::cli::AdapterArgs;
 use crate::command_inputs::CommandInputs;
 use crate::say;
@@ -54,7 +53,7 @@ pub struct BakeArgs {
     #[arg(long)]
     precision: Option<PrecisionArg>,
     #[command(flatten)]
-    capture: CaptureArgs,
+    capture: CaptureSource,
     /// Split of the capture whose images the loss is measured on; their poses are not fitted
     #[arg(long, default_value = "test", requires = "capture")]
     split: String,
@@ -134,8 +133,7 @@ pub fn run(args: &BakeArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     }
     let outputs = [args.out.clone(), beside("json"), beside("worst.png"), beside("loss.png")];
     if !args.force {
-        let inputs =
-            CommandInputs::default().and([&args.avatar]).and(args.capture.source().inputs()).and(args.poses.inputs());
+        let inputs = CommandInputs::default().and([&args.avatar]).and(args.capture.inputs()).and(args.poses.inputs());
         outputs.iter().try_for_each(|output| inputs.refuse("--out", output))?;
         if let Some(output) = outputs.iter().find(|output| output.exists()) {
             let remedy = "give another --out, or --force to replace it";
@@ -146,12 +144,12 @@ pub fn run(args: &BakeArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let _claim = Claim::beside(&args.out)?;
     let capture = match &args.capture.capture {
         Some(path) => {
-            let capture = args.capture.source().open(path, &[&args.split], &[])?;
+            let capture = args.capture.open(path, &[&args.split], &[])?;
             check_sides(&args.avatar.display().to_string(), avatar.template.side, &capture)?;
             Some(capture)
         }
         None => {
-            args.capture.source().check()?;
+            args.capture.check()?;
             None
         }
     };

@@ -15,12 +15,10 @@ use ghand_measure::protocol::{PosedView, aligned_views, cross_views, given_views
 use ghand_pictures::write_png;
 use serde::Serialize;
 
-use crate::capture_args::CaptureArgs;
-use crate::capture_source::check_sides;
+use crate::capture_source::{CaptureSource, check_sides};
 use crate::cli::AdapterArgs;
 use crate::command_inputs::refuse_capture_folder;
-use crate::lpips_args::LpipsArgs;
-use crate::lpips_weights::for_images;
+use crate::lpips_weights::{LpipsWeights, for_images};
 use crate::run_files::{CAMERAS_FILE, METRICS_FILE, POSES_FILE, REPORT_FILE};
 use crate::same_tracker::{describe, tracker_of};
 use crate::say;
@@ -38,7 +36,7 @@ pub struct EvaluateArgs {
     /// The avatar, a .ghand file
     avatar: PathBuf,
     #[command(flatten)]
-    capture: CaptureArgs,
+    capture: CaptureSource,
     /// Split to evaluate on
     #[arg(long, default_value = "test")]
     split: String,
@@ -57,7 +55,7 @@ pub struct EvaluateArgs {
     #[arg(long, value_name = "FILE")]
     training_poses: Option<PathBuf>,
     #[command(flatten)]
-    lpips: LpipsArgs,
+    lpips: LpipsWeights,
     /// Folder for metrics.json and report.png
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -113,7 +111,7 @@ pub fn run(args: &EvaluateArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
 pub fn run_watched(args: &EvaluateArgs, adapter: &AdapterArgs, interruption: &Interruption) -> anyhow::Result<()> {
     check_out(args)?;
     let avatar = Avatar::load(&args.avatar)?;
-    let lpips = args.lpips.weights().load()?;
+    let lpips = args.lpips.load()?;
     let mut gpu = adapter.open()?;
     say!("adapter: {}", gpu.info.name);
     let folder = RunFolder::named(&args.out, args.force)?;
@@ -122,7 +120,7 @@ pub fn run_watched(args: &EvaluateArgs, adapter: &AdapterArgs, interruption: &In
 
     let path = args.capture.capture.as_ref().context("--capture: is missing")?;
     let train_split = args.train_split.as_deref().unwrap_or(&avatar.provenance.split);
-    let capture = args.capture.source().open(path, &[&args.split, train_split], &[])?;
+    let capture = args.capture.open(path, &[&args.split, train_split], &[])?;
     check_joints(&avatar, &args.avatar, &capture)?;
     let split = capture.split(&args.split)?;
     if split.views.is_empty() {

@@ -20,8 +20,7 @@ use ghand_motion::PoseSequence;
 use crate::cli::AdapterArgs;
 use crate::command_inputs::CommandInputs;
 use crate::file_kind::{FileKind, file_kind};
-use crate::hand_model_args::HandModelArgs;
-use crate::hand_model_file::is_hand_name;
+use crate::hand_model_file::{HandModelReading, is_hand_name};
 use crate::pose_choice::{PoseReadingArgs, choose_frame};
 use crate::same_tracker::SameTrackerArgs;
 use format::ExportFormat;
@@ -72,7 +71,7 @@ pub struct ExportArgs {
     #[arg(long)]
     fit_pose_correctives: bool,
     #[command(flatten)]
-    reading: HandModelArgs,
+    reading: HandModelReading,
 }
 
 /// Whose names the joints are given.
@@ -111,7 +110,7 @@ pub fn run(args: &ExportArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         true => args.reading_poses.inputs(None),
         false => args.pose.iter().flat_map(|pose| args.reading_poses.inputs(Some(pose))).collect(),
     };
-    let inputs = CommandInputs::default().and([&args.subject]).and(poses).and(args.reading.reading().inputs());
+    let inputs = CommandInputs::default().and([&args.subject]).and(poses).and(args.reading.inputs());
     if args.pose.is_empty() {
         args.reading_poses.refuse_without("--pose")?;
         if args.frame.is_some() {
@@ -195,7 +194,7 @@ impl ExportArgs {
         if is_hand_name(&self.subject) || (self.subject.exists() && file_kind(&self.subject) == FileKind::HandModel) {
             bail!("{shown}: is a hand model, which has no Gaussians; give an avatar, or write a .glb");
         }
-        self.reading.reading().refuse_for("only an avatar has Gaussians")?;
+        self.reading.refuse_for("only an avatar has Gaussians")?;
         Ok(Avatar::load(&self.subject)?)
     }
 

@@ -20,7 +20,7 @@ use ghand_hand_model::files::read::file_and_side;
 use ghand_pictures::write_png;
 use ghand_render::DeviceError;
 
-use crate::capture_args::CaptureOptions;
+use crate::capture_source::CaptureReading;
 use crate::cli::AdapterArgs;
 use crate::command_inputs::CommandInputs;
 use crate::file_kind::{FileKind, file_kind};
@@ -41,7 +41,7 @@ pub struct InspectArgs {
     #[arg(value_name = "PATH")]
     capture: Option<PathBuf>,
     #[command(flatten)]
-    options: CaptureOptions,
+    options: CaptureReading,
     /// Where to write the pictures of a capture, .png: some images, and the posed template over them [default:
     /// out/inspect-NAME.png, with the name of the capture]
     #[arg(long, value_name = "FILE", requires = "capture", conflicts_with = "no_sheet")]
@@ -64,7 +64,7 @@ pub fn run(args: &InspectArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         }
         Some(path) if is_capture(path) => run_capture(args, path, adapter),
         path => {
-            let reading = args.options.reading();
+            let reading = &args.options;
             let sheet = (args.sheet.is_some() || args.no_sheet).then_some("--sheet or --no-sheet");
             if let (Some(path), Some(option)) = (path, reading.given().or(sheet)) {
                 bail!("{}: {option} is for captures only, a folder or a .json", path.display());
@@ -108,11 +108,11 @@ fn run_capture(args: &InspectArgs, path: &Path, adapter: &AdapterArgs) -> anyhow
     }
     let sheet = args.sheet.clone().unwrap_or_else(|| default_sheet(path));
     if !args.no_sheet {
-        CommandInputs::default().and([path]).and(args.options.reading().inputs()).refuse("--sheet", &sheet)?;
+        CommandInputs::default().and([path]).and(args.options.inputs()).refuse("--sheet", &sheet)?;
         check_writable(&sheet)
             .with_context(|| format!("{}: cannot write the pictures; see --sheet", sheet.display()))?;
     }
-    let opened = args.options.reading().open(path)?;
+    let opened = args.options.open(path)?;
     let found = CaptureInspection::of(&opened.capture, DEFAULT_SAMPLE)?;
     let views: Vec<SheetView> = (found.examples(SHEET_VIEWS).into_iter())
         .map(|(split, fit)| SheetView { split: split.name.clone(), fit })

@@ -23,7 +23,7 @@ use glam::DVec3;
 
 use crate::cli::{AdapterArgs, parse_size};
 use crate::command_inputs::{CommandInputs, camera_file};
-use crate::hand_model_args::HandModelArgs;
+use crate::hand_model_file::HandModelReading;
 use crate::pose_choice::{PoseReadingArgs, choose_frame};
 use crate::say;
 use ghand_pictures::blank_pictures::BlankPictures;
@@ -43,7 +43,7 @@ pub struct PoseArgs {
     #[arg(long, value_name = "FILE|NAME", visible_alias = "for")]
     hand_model: Option<PathBuf>,
     #[command(flatten)]
-    reading: HandModelArgs,
+    reading: HandModelReading,
     /// A pose or a motion by name, or any file of poses listed in docs/poses.md: ghand's, a capture, MANO parameters,
     /// joints of WebXR or OpenXR, landmarks; its shape and translation are used, too [default: zeros]
     #[arg(long, value_name = "FILE|NAME")]
@@ -106,7 +106,7 @@ pub fn run(args: &PoseArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let format = args.picture.as_deref().map(|path| StillFormat::of(path, "--picture")).transpose()?;
     let inputs = CommandInputs::default()
         .and(&args.hand_model)
-        .and(args.reading.reading().inputs())
+        .and(args.reading.inputs())
         .and(args.reading_poses.inputs(args.pose.as_deref()))
         .and(args.look.camera.as_deref().map(camera_file));
     [("--out", &args.out), ("--picture", &args.picture)]
@@ -117,7 +117,7 @@ pub fn run(args: &PoseArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     {
         bail!("--fps: one pose is written, the first; give --frame, --out FILE.json, or omit --fps");
     }
-    let file = args.reading.reading().load(args.hand_model.as_ref())?;
+    let file = args.reading.load(args.hand_model.as_ref())?;
     for warning in &file.warnings {
         log::warn!("{warning}");
     }

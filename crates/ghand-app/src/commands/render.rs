@@ -19,7 +19,7 @@ use crate::baked::baked;
 use crate::cli::{AdapterArgs, parse_count, parse_size};
 use crate::command_inputs::{CommandInputs, camera_file};
 use crate::format_args::FormatArgs;
-use crate::light_args::LightArgs;
+use crate::lighting::Lighting;
 use crate::pose_choice::{PoseReadingArgs, frame_number};
 use crate::same_tracker::SameTrackerArgs;
 use crate::say;
@@ -69,7 +69,7 @@ pub struct RenderArgs {
     #[arg(long, value_enum, default_value_t)]
     show: AvatarColors,
     #[command(flatten)]
-    light: LightArgs,
+    light: Lighting,
     /// Draw the avatar baked, which is faster; it is baked first, unless it is beside the avatar already
     #[arg(long)]
     baked: bool,
@@ -92,14 +92,14 @@ fn parse_turns(text: &str) -> Result<f64, String> {
 /// An error that names the file or the option and its problem.
 pub fn run(args: &RenderArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let destination = args.format.destination(&args.out, stem(&args.pose))?;
-    let light = args.light.lighting();
+    let light = &args.light;
     let inputs = CommandInputs::default()
         .and([&args.avatar])
         .and(args.reading.inputs(Some(&args.pose)))
         .and(args.camera.as_deref().map(camera_file))
         .and(light.input());
     destination.file().map_or(Ok(()), |path| inputs.refuse("--out", path))?;
-    let mut avatar = args.show.apply_to(Avatar::load(&args.avatar)?, &light)?;
+    let mut avatar = args.show.apply_to(Avatar::load(&args.avatar)?, light)?;
     // The rate of a film of one pose is that of its views.
     let is_film = matches!(destination, Destination::Film(..));
     let sequence = match is_film {
@@ -141,7 +141,7 @@ pub fn run(args: &RenderArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let mut gpu = adapter.open()?;
     if args.baked {
         let played = gpu.retry_on_device_loss("baking", |gpu| baked(gpu, &args.avatar))?;
-        avatar = args.show.apply_to(Avatar::load(&played)?, &light)?;
+        avatar = args.show.apply_to(Avatar::load(&played)?, light)?;
     }
     // Outlives the device, so that written pictures need not be rendered again.
     let mut series = Series::new(&destination, &shots, size, args.background, fps)?;

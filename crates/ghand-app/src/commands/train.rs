@@ -13,9 +13,9 @@ use anyhow::{anyhow, bail};
 use clap::Args;
 use ghand_train::TrainingProgress;
 
-use crate::capture_args::CaptureArgs;
+use crate::capture_source::CaptureSource;
 use crate::cli::{AdapterArgs, Stopped};
-use crate::lpips_args::LpipsArgs;
+use crate::lpips_weights::LpipsWeights;
 use crate::run_files::{ALIGN_FILE, AVATAR_FILE, PAGE_FILE, REPORT_FILE};
 use crate::same_tracker::remark;
 use crate::say;
@@ -30,7 +30,7 @@ use plan::Planned;
 #[derive(Debug, Args)]
 pub struct TrainArgs {
     #[command(flatten)]
-    capture: CaptureArgs,
+    capture: CaptureSource,
     /// Split to train on [default: train]
     #[arg(long)]
     split: Option<String>,
@@ -42,7 +42,7 @@ pub struct TrainArgs {
     #[arg(long, value_name = "given|truth|FILE")]
     poses: Option<StartPoses>,
     #[command(flatten)]
-    lpips: LpipsArgs,
+    lpips: LpipsWeights,
     /// Folder for avatar.ghand, report.html and the other results [default: out/train or, if it holds an earlier
     /// run, the next of out/train-2, out/train-3, ...]
     #[arg(long)]

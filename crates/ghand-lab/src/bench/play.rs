@@ -6,7 +6,7 @@ use std::time::Instant;
 use anyhow::{Context, ensure};
 use clap::Args;
 use ghand_app::cli::AdapterArgs;
-use ghand_app::light_args::LightArgs;
+use ghand_app::lighting::Lighting;
 use ghand_app::say;
 use ghand_avatar::framing::turntable;
 use ghand_avatar::{Avatar, Scene};
@@ -21,7 +21,7 @@ pub(super) struct PlayArgs {
     #[command(flatten)]
     motion: MotionArgs,
     #[command(flatten)]
-    light: LightArgs,
+    light: Lighting,
 }
 
 #[derive(serde::Serialize)]
@@ -44,7 +44,7 @@ struct Report {
 pub(super) fn run(args: &PlayArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let mut lit = Avatar::load(&args.avatar)?;
     ensure!(lit.light.is_some(), "{}: its colours contain the light", args.avatar.display());
-    args.light.lighting().apply_to(&mut lit)?;
+    args.light.apply_to(&mut lit)?;
     let unlit = Avatar { light: None, ..lit.clone() };
     let sequence = args.motion.reading.load(&args.motion.pose, &lit.model)?;
     let poses: Vec<_> = sequence.frames.iter().map(|frame| &frame.pose).collect();

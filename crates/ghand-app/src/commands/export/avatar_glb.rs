@@ -29,7 +29,7 @@ const MOST_KEYS: usize = 64;
 /// An error that names the file or the option and its problem.
 pub fn write(args: &ExportArgs, out: &Path, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let shown = args.subject.display();
-    args.reading.reading().refuse_for(&format!("{shown} is an avatar"))?;
+    args.reading.refuse_for(&format!("{shown} is an avatar"))?;
     let mut avatar = Avatar::load(&args.subject)?;
     let mut opening: Option<Pose> = None;
     let mut sequences = vec![];

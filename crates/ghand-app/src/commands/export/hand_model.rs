@@ -19,7 +19,7 @@ use crate::say;
 pub fn write(args: &ExportArgs, out: &Path) -> anyhow::Result<()> {
     let only_avatars =
         [("--pose", !args.pose.is_empty()), ("--texture", args.texture.is_some()), ("--gaussians", args.gaussians)];
-    let file = args.reading.reading().load(Some(&args.subject))?;
+    let file = args.reading.load(Some(&args.subject))?;
     if let Some((option, _)) = only_avatars.into_iter().find(|(_, given)| *given) {
         bail!(
             "{option}: {} is a hand model, which is written at rest and without a skin; give an avatar, or omit \

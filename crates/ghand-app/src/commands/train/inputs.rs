@@ -36,11 +36,10 @@ impl Inputs {
     /// Opens and checks them. Makes the demo's capture if it is missing.
     pub fn open(args: &TrainArgs, plan: &Plan, gpu: &mut Gpu, interruption: &Interruption) -> anyhow::Result<Inputs> {
         let record = &plan.record;
-        let given = args.capture.source();
-        given.check()?;
+        args.capture.check()?;
         // What is given on the command line is the same as in the record, in the user's own words.
-        let lpips = if args.lpips.lpips.is_some() { args.lpips.weights() } else { record.lpips.clone() }.load()?;
-        let given = if given.capture.is_some() { &given } else { &record.capture };
+        let lpips = if args.lpips.lpips.is_some() { &args.lpips } else { &record.lpips }.load()?;
+        let given = if args.capture.capture.is_some() { &args.capture } else { &record.capture };
         let recorded_poses: StartPoses = record.poses.parse()?;
         let poses = args.poses.clone().unwrap_or(recorded_poses);
         let path = given.capture.clone().context("--capture: is missing")?;

@@ -85,7 +85,7 @@ impl TrainArgs {
 
     /// The run as these options describe it.
     fn record(&self) -> anyhow::Result<RunRecord> {
-        let mut capture = self.capture.source();
+        let mut capture = self.capture.clone();
         let demo = match &self.out {
             _ if capture.capture.is_some() => None,
             Some(out) => Some(out.join("capture")),
@@ -103,7 +103,7 @@ impl TrainArgs {
             split: self.split.clone().unwrap_or_else(|| DEFAULT_SPLIT.into()),
             test_split: self.test_split.clone(),
             poses: poses.to_string(),
-            lpips: self.lpips.weights().absolute()?,
+            lpips: self.lpips.absolute()?,
             preset: self.settings.preset().into(),
             settings: self.settings()?,
             ignore_checks: self.ignore_checks,
