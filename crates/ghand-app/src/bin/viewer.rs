@@ -29,7 +29,6 @@ use ghand_app::viewer::stage::comparison::Comparison;
 use ghand_app::viewer::stage::layer::Layer;
 use ghand_app::viewer::stage::overlay::Overlay;
 use ghand_app::viewer::window;
-use ghand_app::viewer::window::device_message;
 use ghand_footage::{FootageError, LiveSource};
 use ghand_motion::live::port::{DEFAULT_PORT, LiveSettings};
 
@@ -125,11 +124,7 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
     }
     let training = arguments.file.as_deref().and_then(TrainingRun::open);
     let mut path = training.as_ref().and_then(TrainingRun::avatar).or(arguments.file).or_else(last_avatar);
-    let opened = arguments.adapter.open();
-    if let (Err(error), None) = (&opened, &arguments.screenshot) {
-        device_message::tell(error);
-    }
-    let mut gpu = opened?;
+    let mut gpu = arguments.adapter.open()?;
     if arguments.baked {
         let Some(avatar) = path.filter(|path| file_kind(path) == FileKind::Avatar) else {
             bail!("--baked: is for avatars' files, and what is shown is none; omit --baked");

@@ -1,6 +1,5 @@
 //! The window around the user interface.
 
-pub mod device_message;
 pub mod slow_frames;
 
 use anyhow::anyhow;

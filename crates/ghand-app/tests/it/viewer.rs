@@ -138,38 +138,6 @@ fn a_screenshot_has_the_theme_and_scale_that_were_asked_for() {
     assert!(off < 4.0, "{off}");
 }
 
-#[cfg(target_os = "linux")]
-#[test]
-fn without_a_driver_a_box_and_stderr_say_what_to_install() {
-    use std::os::unix::fs::PermissionsExt;
-
-    // Stands for the program that shows boxes on the desktop.
-    let folder = tempfile::tempdir().unwrap();
-    let program = folder.path().join("zenity");
-    let noted = folder.path().join("box.txt");
-    std::fs::write(&program, format!("#!/bin/sh\nprintf '%s\\n' \"$@\" > '{}'\n", noted.display())).unwrap();
-    std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755)).unwrap();
-    let run = |arguments: &[&str]| {
-        let mut command = std::process::Command::new(VIEWER);
-        command.current_dir(folder.path()).args(arguments).env("PATH", folder.path()).env("DISPLAY", ":99");
-        // No file of a driver.
-        command.env("VK_DRIVER_FILES", folder.path()).env("VK_ICD_FILENAMES", folder.path());
-        command.env("XDG_RUNTIME_DIR", folder.path()).output().unwrap()
-    };
-    let output = run(&[]);
-    let told = String::from_utf8_lossy(&output.stderr);
-    let boxed = std::fs::read_to_string(&noted).unwrap();
-    assert_eq!(output.status.code(), Some(1), "{told}");
-    for part in ["mesa-vulkan-drivers", "vulkan-swrast", "vulkaninfo"] {
-        assert!(told.contains(part) && boxed.contains(part), "{part}: {told}\n{boxed}");
-    }
-    assert!(told.contains("error: no graphics adapter") && boxed.contains("no graphics adapter"), "{told}\n{boxed}");
-    // Who asks for a screenshot or for another adapter reads the terminal.
-    std::fs::remove_file(&noted).unwrap();
-    assert_one_sentence(&run(&["--screenshot", "a.png"]), &["adapter"]);
-    assert!(!noted.exists());
-}
-
 #[test]
 fn without_an_argument_the_last_trained_avatar_or_an_untrained_hand_is_shown() {
     let folder = tempfile::tempdir().unwrap();
