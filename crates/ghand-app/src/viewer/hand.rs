@@ -43,9 +43,9 @@ use crate::viewer::rendering::screen::Screen;
 const BLEND_TARGET: &str = "fist";
 
 /// How a hand looks.
-pub enum Look {
+enum Look {
     /// As it was trained.
-    Avatar(Box<Avatar>),
+    Avatar(Arc<Avatar>),
     /// As a mesh with skin and nails.
     Bare(Arc<BareHand>),
 }
@@ -95,7 +95,7 @@ pub struct Hand {
 impl Hand {
     /// An avatar at rest.
     pub fn new(avatar: Avatar) -> Hand {
-        Hand::with_look(Look::Avatar(Box::new(avatar)))
+        Hand::with_look(Look::Avatar(Arc::new(avatar)))
     }
 
     /// A hand model without an avatar, at rest in its mean shape.
@@ -129,12 +129,7 @@ impl Hand {
         }
     }
 
-    /// How it looks.
-    pub fn look(&self) -> &Look {
-        &self.look
-    }
-
-    /// What is drawn of it, as a copy.
+    /// What is drawn of it.
     pub fn drawn(&self) -> DrawnSubject {
         match &self.look {
             Look::Avatar(avatar) => DrawnSubject::Avatar(avatar.clone()),
@@ -433,9 +428,9 @@ impl Hand {
         let is_begun = self.pose_panel.thumbnails_mut().is_begun();
         if shown && !is_begun && !is_busy {
             let poses = self.pose_panel.named().iter().map(|(_, pose)| pose.clone()).collect();
-            let copy = self.drawn();
+            let subject = self.drawn();
             let model = model(&self.look);
-            self.pose_panel.thumbnails_mut().begin(gpu, copy, model, poses, context);
+            self.pose_panel.thumbnails_mut().begin(gpu, subject, model, poses, context);
         }
         self.pose_panel.thumbnails_mut().advance(is_busy || !shown, context);
     }

@@ -127,7 +127,7 @@ fn small_hand() -> Hand {
 fn small_scene() -> Subject {
     let at = |k: usize| [k % 5, k / 5 % 5, k / 25].map(|i| 0.25 * i as f32 - 0.5);
     let places: Vec<[f32; 3]> = (0..125).map(at).collect();
-    Subject::Scene { gaussians: scene(&places, 0.1, &[3.0]), name: "cube.ply".into() }
+    Subject::Scene { gaussians: Arc::new(scene(&places, 0.1, &[3.0])), name: "cube.ply".into() }
 }
 
 #[test]

@@ -1,24 +1,22 @@
 //! What the viewer shows: a hand that can be posed, or a static scene.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use anyhow::{Context, bail};
 use egui::Ui;
 use ghand_avatar::framing::posed_vertices;
 use ghand_avatar::scene_files::SplatScene;
-use ghand_avatar::{Avatar, Light, Scene};
+use ghand_avatar::{Avatar, Light};
 use ghand_core::{HandModel, Pose};
 use ghand_files::input_file;
 use ghand_hand_model::files::read::ReadOptions;
-use ghand_render::splat::Purpose;
-use ghand_render::{Gpu, RenderError};
 
 use crate::file_kind::{FileKind, file_kind};
 use crate::hand_model_file::{is_hand_name, load_hand_model};
 use crate::lighting::Lighting;
 use crate::viewer::document::scene::read_scene;
-use crate::viewer::hand::{Hand, Look};
-use crate::viewer::rendering::drawing::Drawing;
+use crate::viewer::hand::Hand;
 use crate::viewer::rendering::drawn_subject::DrawnSubject;
 use ghand_avatar::orbit_camera::OrbitCamera;
 
@@ -29,7 +27,7 @@ pub enum Subject {
     /// A scene of Gaussians, as returned by [`read_scene`].
     Scene {
         /// The Gaussians.
-        gaussians: SplatScene,
+        gaussians: Arc<SplatScene>,
         /// The scene's name.
         name: String,
     },
@@ -61,7 +59,7 @@ impl Subject {
             }
             FileKind::Scene => {
                 let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-                Ok(Subject::Scene { gaussians: read_scene(path)?, name })
+                Ok(Subject::Scene { gaussians: Arc::new(read_scene(path)?), name })
             }
             FileKind::HandModel => Subject::hand_model(path),
             FileKind::Other => bail!(
@@ -90,11 +88,11 @@ impl Subject {
         Subject::Hand(Box::new(Hand::new(avatar)))
     }
 
-    /// What is drawn of it, as a copy.
+    /// What is drawn of it.
     pub fn drawn(&self) -> DrawnSubject {
         match self {
             Subject::Hand(hand) => hand.drawn(),
-            Subject::Scene { gaussians, .. } => DrawnSubject::Scene(Box::new(gaussians.clone())),
+            Subject::Scene { gaussians, .. } => DrawnSubject::Scene(gaussians.clone()),
         }
     }
 
@@ -183,22 +181,5 @@ impl Subject {
             }
             Subject::Scene { .. } => false,
         }
-    }
-}
-
-impl Subject {
-    /// Uploads it to the device, for pictures of at most `max_size` pixels.
-    ///
-    /// # Errors
-    /// [`RenderError`] if the device cannot hold it.
-    pub fn on_device(&self, gpu: &Gpu, max_size: [u32; 2]) -> Result<Drawing, RenderError> {
-        let scene = match self {
-            Subject::Hand(hand) => match hand.look() {
-                Look::Avatar(avatar) => Scene::new(gpu, &[avatar], Purpose::Images, 1, max_size)?,
-                Look::Bare(bare) => return Drawing::mesh(gpu, bare.clone()),
-            },
-            Subject::Scene { gaussians, .. } => Scene::of_static_gaussians(gpu, gaussians, max_size)?,
-        };
-        Ok(Drawing::Gaussians(Box::new(scene)))
     }
 }

@@ -180,21 +180,6 @@ impl Drawing {
         }
     }
 
-    /// Renders an image in the avatar's own colours over its background, waits for it and reads it: row-major display values.
-    ///
-    /// # Errors
-    /// As [`Drawing::encode`].
-    pub fn read(&mut self, gpu: &Gpu, inputs: &PictureInputs) -> Result<Vec<[f32; 3]>, RenderError> {
-        match self {
-            Drawing::Gaussians(scene) => {
-                set_inputs(scene, gpu, inputs)?;
-                let image = scene.render(gpu, 0, &inputs.camera, inputs.background)?;
-                Ok(image.rgba.iter().map(|&[r, g, b, _]| [r, g, b]).collect())
-            }
-            Drawing::Mesh(mesh) => mesh.read(inputs),
-        }
-    }
-
     /// The counters of an image of Gaussians.
     pub fn counters(&self) -> Option<&wgpu::Buffer> {
         match self {
@@ -281,15 +266,6 @@ impl MeshDrawing {
     fn posed(&self, inputs: &PictureInputs) -> Result<PosedMesh, RenderError> {
         let Some(pose) = &inputs.pose else { return Err(RenderError::Invalid("a hand needs a pose".into())) };
         self.hand.posed(&inputs.shape, pose).map_err(|e| RenderError::Invalid(e.to_string()))
-    }
-
-    fn read(&self, inputs: &PictureInputs) -> Result<Vec<[f32; 3]>, RenderError> {
-        let posed = self.posed(inputs)?;
-        let instance = self.hand.instance(&posed);
-        let style = mesh_style(&inputs.camera);
-        let image = self.renderer.render(&instance, &inputs.camera, &style).map_err(render_error)?;
-        let over = |p: &[f32; 4]| [0, 1, 2].map(|c| p[c] + (1.0 - p[3]) * inputs.background[c]);
-        Ok(image.rgba.iter().map(over).collect())
     }
 
     fn encode(&self, encoder: &mut wgpu::CommandEncoder, inputs: &PictureInputs) -> Result<Layer, RenderError> {

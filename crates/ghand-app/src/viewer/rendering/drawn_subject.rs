@@ -14,11 +14,11 @@ use crate::viewer::rendering::drawing::Drawing;
 #[derive(Debug, Clone)]
 pub enum DrawnSubject {
     /// An avatar.
-    Avatar(Box<Avatar>),
+    Avatar(Arc<Avatar>),
     /// A hand model without an avatar.
     Bare(Arc<BareHand>),
     /// A scene of Gaussians.
-    Scene(Box<SplatScene>),
+    Scene(Arc<SplatScene>),
 }
 
 impl DrawnSubject {

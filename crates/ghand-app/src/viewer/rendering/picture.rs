@@ -3,17 +3,14 @@
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::time::Instant;
 
-use ghand_core::Pose;
 use ghand_render::splat::Counters;
 use ghand_render::texture_pass::{self, TexturePass};
 use ghand_render::timing::FrameClock;
 use ghand_render::{Gpu, RenderError};
-use glam::DVec3;
 
 use crate::viewer::rendering::drawing::{Drawing, GaussianColors};
 use crate::viewer::rendering::frame::{Median, PictureInputs, STAGES, StageTimes};
 use crate::viewer::rendering::frame_times::FrameTimes;
-use ghand_avatar::pose_properties::PoseProperties;
 
 /// Format of the texture: display values, as the user interface expects.
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
@@ -47,8 +44,10 @@ struct Target {
 
 /// A subject on the device, with the texture that shows it.
 pub struct Picture {
-    drawing: Drawing,
-    colors: GaussianColors,
+    /// The subject. It may be drawn beside the texture while no picture is [`Progress::Busy`].
+    pub drawing: Drawing,
+    /// The colours of Gaussians in the next picture; once it is rendered, in the last one.
+    pub colors: GaussianColors,
     pass: TexturePass,
     read_back: wgpu::Buffer,
     clock: Option<FrameClock>,
@@ -209,41 +208,6 @@ impl Picture {
         Ok(renewed)
     }
 
-    /// Sets the colours of Gaussians for the pictures that are rendered from now on.
-    pub fn set_colors(&mut self, colors: GaussianColors) {
-        self.colors = colors;
-    }
-
-    /// The colours of Gaussians in the last picture.
-    pub fn colors(&self) -> &GaussianColors {
-        &self.colors
-    }
-
-    /// See [`Drawing::posed_gaussians`].
-    ///
-    /// # Errors
-    /// As [`Picture::render`].
-    pub fn posed_gaussians(&mut self, gpu: &Gpu, pose: &Pose) -> Result<Vec<DVec3>, RenderError> {
-        self.drawing.posed_gaussians(gpu, pose)
-    }
-
-    /// See [`Drawing::properties`].
-    ///
-    /// # Errors
-    /// As [`Picture::render`].
-    pub fn properties(&mut self, gpu: &Gpu, pose: &Pose) -> Result<Option<PoseProperties>, RenderError> {
-        self.drawing.properties(gpu, pose)
-    }
-
-    /// Renders a picture beside the one that the texture shows, waits for it and reads it, without layers: row-major display values. The
-    /// previous picture must not be [`Progress::Busy`].
-    ///
-    /// # Errors
-    /// As [`Picture::render`].
-    pub fn read(&mut self, gpu: &Gpu, shot: &PictureInputs) -> Result<Vec<[f32; 3]>, RenderError> {
-        self.drawing.read(gpu, shot)
-    }
-
     /// Checks, without waiting, whether the last picture is done and whether it is complete.
     ///
     /// # Errors
@@ -303,7 +267,7 @@ pub(crate) mod tests {
     use std::sync::Arc;
 
     use ghand_avatar::Scene;
-    use ghand_core::Side;
+    use ghand_core::{Pose, Side};
     use ghand_hand_model::builtin::builtin_hand;
     use ghand_render::mesh::{MeshRenderer, MeshStyle};
     use ghand_render::splat::Purpose;
@@ -343,7 +307,7 @@ pub(crate) mod tests {
         let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
         let avatar = untrained_avatar();
         let pose = Pose::rest(avatar.model.joint_count());
-        let mut picture = picture_of(&gpu, &DrawnSubject::Avatar(Box::new(avatar.clone())));
+        let mut picture = picture_of(&gpu, &DrawnSubject::Avatar(Arc::new(avatar.clone())));
         let mut scene = Scene::new(&gpu, &[&avatar], Purpose::Images, 1, [128, 128]).unwrap();
         scene.set_pose(&gpu, 0, 0, &pose).unwrap();
         // The second picture is smaller: rows must not be mixed up.

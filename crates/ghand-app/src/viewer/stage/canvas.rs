@@ -5,13 +5,10 @@
 use std::time::Duration;
 
 use egui::{Align, Align2, Area, Color32, FontId, Frame, Id, Layout, Rect, RichText, TextureId, Ui, vec2};
-use ghand_avatar::pose_properties::PoseProperties;
-use ghand_core::Pose;
 use ghand_render::{Gpu, RenderError};
-use glam::DVec3;
 
 use crate::viewer::document::subject::Subject;
-use crate::viewer::rendering::drawing::GaussianColors;
+use crate::viewer::rendering::drawing::{Drawing, GaussianColors};
 use crate::viewer::rendering::frame::PictureInputs;
 use crate::viewer::rendering::picture::{Picture, Progress};
 use crate::viewer::stage::pace::Pace;
@@ -201,7 +198,7 @@ impl Canvas {
         viewport: &Viewport,
         renderer: &mut egui_wgpu::Renderer,
     ) -> Result<(), RenderError> {
-        self.picture.set_colors(colors);
+        self.picture.colors = colors;
         if self.picture.render(&self.gpu, &inputs)? {
             self.show_texture(renderer);
         }
@@ -222,31 +219,12 @@ impl Canvas {
 
     /// The colours of Gaussians in the last picture.
     pub fn colors(&self) -> &GaussianColors {
-        self.picture.colors()
+        &self.picture.colors
     }
 
-    /// See [`Picture::posed_gaussians`].
-    ///
-    /// # Errors
-    /// As [`Canvas::render`].
-    pub fn posed_gaussians(&mut self, pose: &Pose) -> Result<Vec<DVec3>, RenderError> {
-        self.picture.posed_gaussians(&self.gpu, pose)
-    }
-
-    /// See [`Picture::properties`].
-    ///
-    /// # Errors
-    /// As [`Canvas::render`].
-    pub fn properties(&mut self, pose: &Pose) -> Result<Option<PoseProperties>, RenderError> {
-        self.picture.properties(&self.gpu, pose)
-    }
-
-    /// See [`Picture::read`].
-    ///
-    /// # Errors
-    /// As [`Canvas::render`].
-    pub fn read(&mut self, inputs: &PictureInputs) -> Result<Vec<[f32; 3]>, RenderError> {
-        self.picture.read(&self.gpu, inputs)
+    /// The device and the subject on it, to read it or to draw it beside the picture.
+    pub fn drawing(&mut self) -> (&Gpu, &mut Drawing) {
+        (&self.gpu, &mut self.picture.drawing)
     }
 
     /// Draws the picture.
@@ -327,7 +305,7 @@ impl Canvas {
 }
 
 fn picture_of(gpu: &Gpu, subject: &Subject, resolution: &Resolution) -> Result<Picture, RenderError> {
-    Picture::new(gpu, subject.on_device(gpu, [resolution.largest_edge(); 2])?)
+    Picture::new(gpu, subject.drawn().on_device(gpu, [resolution.largest_edge(); 2])?)
 }
 
 /// A number with its digits in groups of three.

@@ -213,11 +213,12 @@ impl LayerView {
 
     /// Reads from the device what a layer needs in a pose.
     fn read(&mut self, canvas: &mut Canvas, layer: Layer, pose: &Pose) -> Result<(), RenderError> {
+        let (gpu, drawing) = canvas.drawing();
         if layer.needs_posed() && self.posed.as_ref().is_none_or(|(of, _)| of != pose) {
-            self.posed = Some((pose.clone(), canvas.posed_gaussians(pose)?));
+            self.posed = Some((pose.clone(), drawing.posed_gaussians(gpu, pose)?));
         }
         if layer.needs_properties() && self.properties.as_ref().is_none_or(|(of, _)| of != pose) {
-            self.properties = canvas.properties(pose)?.map(|properties| (pose.clone(), properties));
+            self.properties = drawing.properties(gpu, pose)?.map(|properties| (pose.clone(), properties));
         }
         Ok(())
     }

@@ -9,10 +9,12 @@ use egui::{
     TextureId, TextureOptions, Ui, WidgetInfo,
 };
 use ghand_core::Camera;
-use ghand_measure::metrics::{Psnr, psnr, quantize};
+use ghand_measure::metrics::{Psnr, psnr};
+use ghand_pictures::{Background, Picture};
 use ghand_render::RenderError;
 
 use crate::viewer::document::capture_panel::CapturePanel;
+use crate::viewer::rendering::drawing::GaussianColors;
 use crate::viewer::rendering::frame::PictureInputs;
 use crate::viewer::stage::canvas::Canvas;
 use crate::viewer::stage::comparison::{Comparison, LARGEST_DIFFERENCE, difference_image};
@@ -297,8 +299,7 @@ impl TruthView {
         }
         let [width, height] = truth.size();
         let shown = shown.clone();
-        let picture = canvas.read(&PictureInputs { camera: camera.resized(width, height), ..shown.clone() })?;
-        let picture: Vec<[u8; 3]> = picture.into_iter().map(quantize).collect();
+        let picture = drawn(canvas, &PictureInputs { camera: camera.resized(width, height), ..shown.clone() })?;
         let difference = difference_image(truth.size(), &picture, &truth.view.rgba);
         self.compared = Some(Compared {
             pair,
@@ -311,6 +312,15 @@ impl TruthView {
         context.request_repaint();
         Ok(())
     }
+}
+
+/// A picture beside the one on the canvas, which must not be busy: row-major 8-bit display values.
+pub(crate) fn drawn(canvas: &mut Canvas, inputs: &PictureInputs) -> Result<Vec<[u8; 3]>, RenderError> {
+    let size = [inputs.camera.width, inputs.camera.height];
+    let mut picture = Picture::bytes(size, Background::Color(inputs.background));
+    let (gpu, drawing) = canvas.drawing();
+    drawing.fill(gpu, inputs, &GaussianColors::Own, &mut picture)?;
+    Ok(picture.to_rgba8().into_iter().map(|[r, g, b, _]| [r, g, b]).collect())
 }
 
 /// Where an image of a calibrated camera is in a view whose picture has this size: it fits into it.

@@ -6,7 +6,6 @@ use egui::accesskit::Role;
 use egui::{PointerButton, Pos2, Rect, pos2};
 use egui_kittest::kittest::NodeT;
 use ghand_core::Pose;
-use ghand_measure::metrics::quantize;
 use ghand_motion::pose_sequence::formats::ghand::write_poses;
 use ghand_motion::{PoseFrame, PoseSequence};
 use ghand_synthetic::SyntheticOptions;
@@ -18,6 +17,7 @@ use crate::capture_source::CaptureReading;
 use crate::viewer::command::CommandId;
 use crate::viewer::document::capture_panel::CapturePanel;
 use crate::viewer::rendering::frame::PictureInputs;
+use crate::viewer::stage::truth_view::drawn;
 
 /// The built-in hand in front of the first camera of a small capture.
 fn viewer(folder: &Path) -> Headless {
@@ -87,8 +87,7 @@ fn put_picture_into_capture(ui: &mut Headless) {
     let background = capture.background.map(|v| v as f32);
     let inputs =
         PictureInputs { camera: camera.clone(), background, ..viewer.stage.canvas().shown().cloned().unwrap() };
-    let picture = viewer.stage.canvas_mut().read(&inputs).unwrap();
-    let bytes = picture.into_iter().flat_map(quantize).collect();
+    let bytes = drawn(viewer.stage.canvas_mut(), &inputs).unwrap().into_flattened();
     let image = image::RgbImage::from_raw(camera.width, camera.height, bytes).unwrap();
     image.save(capture.image_file(camera_index, frame).unwrap()).unwrap();
     let mask = image::GrayImage::from_pixel(camera.width, camera.height, image::Luma([255]));
