@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use std::sync::OnceLock;
 
 use clap::error::ErrorKind;
-use clap::{Args, Parser};
+use clap::{Args, Parser, ValueEnum};
 use ghand_render::{AdapterChoice, DeviceError, Gpu};
 
 use crate::runtime_dir::RuntimeDir;
@@ -170,6 +170,11 @@ pub fn check_display() -> anyhow::Result<()> {
         anyhow::bail!("there is no display (neither DISPLAY nor WAYLAND_DISPLAY is set); {WITHOUT_WINDOW}");
     }
     Ok(())
+}
+
+/// The name by which an option and the viewer offer a choice.
+pub fn choice_name(choice: impl ValueEnum) -> String {
+    choice.to_possible_value().map(|value| value.get_name().to_owned()).unwrap_or_default()
 }
 
 /// Parses a number of views, frames or pictures.

@@ -6,10 +6,10 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use anyhow::{Context, bail};
-use clap::Parser;
+use clap::{Parser, ValueEnum};
 use ghand_app::baked::baked;
 use ghand_app::capture_source::CaptureReading;
-use ghand_app::cli::{self, AdapterArgs, parse_size};
+use ghand_app::cli::{self, AdapterArgs, choice_name, parse_size};
 use ghand_app::command_inputs::CommandInputs;
 use ghand_app::demo_avatar::{DEMO_AVATAR_NAME, demo_avatar};
 use ghand_app::file_kind::{FileKind, file_kind};
@@ -180,7 +180,7 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
         viewer.compare(arguments.compare);
     }
     if let (true, Some(reason)) = (arguments.layer != Layer::Skin, viewer.missing_layer(arguments.layer)) {
-        bail!("--layer {}: {source} cannot show it: {reason}", arguments.layer.name());
+        bail!("--layer {}: {source} cannot show it: {reason}", choice_name(arguments.layer));
     }
     if let Some(number) = arguments.basis.filter(|number| !viewer.choose_basis(*number)) {
         bail!("--basis {number}: {source} has no such shape basis");
@@ -189,10 +189,9 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
         bail!("--joint {joint}: {source} has no such joint");
     }
     viewer.show_layer(arguments.layer);
-    Overlay::ALL
-        .into_iter()
-        .filter(|overlay| arguments.overlay.contains(overlay))
-        .for_each(|o| viewer.toggle_overlay(o));
+    for overlay in Overlay::value_variants().iter().filter(|overlay| arguments.overlay.contains(overlay)) {
+        viewer.toggle_overlay(*overlay);
+    }
     let settings_path = Settings::path();
     let mut settings = settings_path.as_deref().map(Settings::read).unwrap_or_default();
     viewer.settings_mut().views.clone_from(&settings.views);
@@ -254,10 +253,16 @@ fn check_options(arguments: &Arguments) -> anyhow::Result<()> {
     }
     let layer = arguments.layer;
     if arguments.joint.is_some() && !layer.has_joint() {
-        bail!("--joint: --layer {} shows no joint; give --layer weights or residual, or omit --joint", layer.name());
+        bail!(
+            "--joint: --layer {} shows no joint; give --layer weights or residual, or omit --joint",
+            choice_name(layer)
+        );
     }
     if arguments.basis.is_some() && !layer.has_basis() {
-        bail!("--basis: --layer {} shows no basis; give --layer basis or coefficient, or omit --basis", layer.name());
+        bail!(
+            "--basis: --layer {} shows no basis; give --layer basis or coefficient, or omit --basis",
+            choice_name(layer)
+        );
     }
     Ok(())
 }

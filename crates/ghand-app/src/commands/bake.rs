@@ -10,7 +10,7 @@ mod search;
 use std::path::PathBuf;
 
 use anyhow::{Context, bail};
-use clap::{Args, ValueEnum};
+use clap::Args;
 use ghand_avatar::deform::baked::Precision;
 use ghand_avatar::{Avatar, Bake};
 use ghand_core::Pose;
@@ -19,7 +19,8 @@ use ghand_files::claim::Claim;
 use ghand_pictures::write_png;
 use ghand_render::Gpu;
 use indicatif::ProgressBar;
-use serde::Serialize;
+use serde::de::IntoDeserializer;
+use serde::{Deserialize, Serialize};
 
 use crate::capture_source::{CaptureSource, check_sides};
 use crate::cli::AdapterArgs;
@@ -49,9 +50,10 @@ pub struct BakeArgs {
     /// Most components of a joint
     #[arg(long, value_name = "K", default_value_t = 6, value_parser = clap::value_parser!(u8).range(1..=10))]
     rank: u8,
-    /// How components are stored [default: u8, or the first of f16 and f32 that is within the loss]
-    #[arg(long)]
-    precision: Option<PrecisionArg>,
+    /// Bits of the numbers in which components are stored; with f16 and u8, positions have 16 bits and colours 8
+    /// [default: u8, or the first of f16 and f32 that is within the loss]
+    #[arg(long, value_name = "f32|f16|u8", value_parser = parse_precision)]
+    precision: Option<Precision>,
     #[command(flatten)]
     capture: CaptureSource,
     /// Split of the capture whose images the loss is measured on; their poses are not fitted
@@ -64,25 +66,8 @@ pub struct BakeArgs {
     force: bool,
 }
 
-/// [`Precision`] as an option.
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum PrecisionArg {
-    /// 32-bit numbers
-    F32,
-    /// 16-bit numbers; positions in 16 bits, colours in 8
-    F16,
-    /// 8-bit numbers; positions in 16 bits, colours in 8
-    U8,
-}
-
-impl From<PrecisionArg> for Precision {
-    fn from(arg: PrecisionArg) -> Precision {
-        match arg {
-            PrecisionArg::F32 => Precision::F32,
-            PrecisionArg::F16 => Precision::F16,
-            PrecisionArg::U8 => Precision::U8,
-        }
-    }
+fn parse_precision(name: &str) -> Result<Precision, serde::de::value::Error> {
+    Precision::deserialize(name.into_deserializer())
 }
 
 fn parse_positive(text: &str) -> Result<f64, String> {
@@ -171,7 +156,7 @@ pub fn run(args: &BakeArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
             Some(capture) => ReferencePictures::with_images(gpu, &avatar, capture, &args.split)?,
             None => ReferencePictures::without_images(gpu, &avatar, &poses.held_out)?,
         };
-        let chosen = search::smallest(gpu, &bake, &reference, goal(args), args.precision.map(Precision::from))?;
+        let chosen = search::smallest(gpu, &bake, &reference, goal(args), args.precision)?;
         let worst = worst_pose(gpu, &avatar, &chosen.avatar, &poses.extreme, bake.order())?;
         let pictures = [
             pictures::side_by_side(gpu, &avatar, &chosen.avatar, &worst.pose)?,

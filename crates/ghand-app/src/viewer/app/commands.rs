@@ -6,6 +6,7 @@ use egui::{Button, Context, MenuBar, Ui, ViewportCommand};
 use ghand_hand_model::named_poses::POSE_NAMES;
 use ghand_motion::motions::MOTION_NAMES;
 
+use crate::cli::choice_name;
 use crate::viewer::app::Viewer;
 use crate::viewer::command::{COMMANDS, Command, CommandId, Menu, Pressed, pressed};
 use crate::viewer::dialogs::command_palette::Entry;
@@ -105,7 +106,7 @@ impl Viewer {
             CommandId::SwitchTheme => {
                 let theme = session.settings().theme.next();
                 session.settings_mut().theme = theme;
-                session.note(format!("Theme: {}", theme.name()));
+                session.note(format!("Theme: {}", choice_name(theme)));
             }
             CommandId::ShowPanel => toggle(&mut session.settings_mut().panel_shown),
             CommandId::ShowLayer(layer) => self.show_layer(layer),

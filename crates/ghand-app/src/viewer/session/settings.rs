@@ -47,15 +47,6 @@ impl Theme {
             Theme::System => Theme::Dark,
         }
     }
-
-    /// Its name.
-    pub fn name(self) -> &'static str {
-        match self {
-            Theme::Dark => "dark",
-            Theme::Light => "light",
-            Theme::System => "system",
-        }
-    }
 }
 
 /// The settings; what a file lacks or has wrong is as at the first start.

@@ -22,21 +22,6 @@ pub enum Comparison {
 }
 
 impl Comparison {
-    /// All in the order in which they are offered.
-    pub const ALL: [Comparison; 5] =
-        [Comparison::Picture, Comparison::Truth, Comparison::Split, Comparison::Flicker, Comparison::Difference];
-
-    /// Its name.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Comparison::Picture => "picture",
-            Comparison::Truth => "truth",
-            Comparison::Split => "split",
-            Comparison::Flicker => "flicker",
-            Comparison::Difference => "difference",
-        }
-    }
-
     /// What it shows, one sentence.
     pub const fn summary(self) -> &'static str {
         match self {

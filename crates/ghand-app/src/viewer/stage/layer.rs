@@ -73,38 +73,6 @@ pub struct LayerInputs<'a> {
 }
 
 impl Layer {
-    /// All in the order in which they are offered.
-    pub const ALL: [Layer; 11] = [
-        Layer::Skin,
-        Layer::Albedo,
-        Layer::Views,
-        Layer::Weights,
-        Layer::Offset,
-        Layer::Depth,
-        Layer::Alpha,
-        Layer::Centers,
-        Layer::Residual,
-        Layer::Basis,
-        Layer::Coefficient,
-    ];
-
-    /// Its name.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Layer::Skin => "skin",
-            Layer::Albedo => "albedo",
-            Layer::Views => "views",
-            Layer::Weights => "weights",
-            Layer::Offset => "offset",
-            Layer::Depth => "depth",
-            Layer::Alpha => "alpha",
-            Layer::Centers => "centres",
-            Layer::Residual => "residual",
-            Layer::Basis => "basis",
-            Layer::Coefficient => "coefficient",
-        }
-    }
-
     /// What it shows, one sentence.
     pub const fn summary(self) -> &'static str {
         match self {

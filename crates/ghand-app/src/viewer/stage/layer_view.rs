@@ -3,6 +3,7 @@
 //! [`LayerView`] owns the choice and what it has read of the subject for it. It changes neither the subject nor the
 //! picture: it says which colours the picture should have.
 
+use clap::ValueEnum;
 use egui::{ComboBox, Rect, RichText, Ui};
 use ghand_avatar::Avatar;
 use ghand_avatar::pose_properties::PoseProperties;
@@ -10,6 +11,7 @@ use ghand_core::Pose;
 use ghand_render::RenderError;
 use glam::DVec3;
 
+use crate::cli::choice_name;
 use crate::viewer::hand::Hand;
 use crate::viewer::rendering::drawing::GaussianColors;
 use crate::viewer::rendering::frame::PictureInputs;
@@ -69,7 +71,7 @@ impl LayerView {
     /// One sentence if the avatar lacks it.
     pub fn choose(&mut self, layer: Layer, avatar: Option<&Avatar>) -> Result<(), String> {
         match avatar.and_then(|avatar| layer.missing(avatar)) {
-            Some(reason) => Err(format!("This avatar cannot show {}: {reason}.", layer.name())),
+            Some(reason) => Err(format!("This avatar cannot show {}: {reason}.", choice_name(layer))),
             None => {
                 self.chosen = layer;
                 Ok(())
@@ -117,11 +119,12 @@ impl LayerView {
         ui.label(RichText::new("Show").strong());
         let layer = self.layer(avatar);
         let layers: Vec<Layer> =
-            Layer::ALL.into_iter().filter(|other| missing_layer(*other, avatar).is_none()).collect();
+            Layer::value_variants().iter().copied().filter(|other| missing_layer(*other, avatar).is_none()).collect();
         if !layers.is_empty() {
             ui.horizontal_wrapped(|ui| {
                 for other in layers {
-                    if ui.selectable_label(layer == other, other.name()).on_hover_text(other.summary()).clicked() {
+                    if ui.selectable_label(layer == other, choice_name(other)).on_hover_text(other.summary()).clicked()
+                    {
                         self.chosen = other;
                     }
                 }
@@ -149,9 +152,9 @@ impl LayerView {
             }
         }
         ui.horizontal(|ui| {
-            for overlay in Overlay::ALL {
+            for &overlay in Overlay::value_variants() {
                 let mut on = self.has_overlay(overlay);
-                if ui.checkbox(&mut on, overlay.name()).on_hover_text(overlay.summary()).changed() {
+                if ui.checkbox(&mut on, choice_name(overlay)).on_hover_text(overlay.summary()).changed() {
                     self.toggle_overlay(overlay);
                 }
             }
@@ -227,7 +230,7 @@ impl LayerView {
     pub fn paint_lines(&self, ui: &Ui, hand: &Hand, screen: &Screen) {
         let painter = ui.painter().with_clip_rect(screen.rect);
         let pointer = ui.input(|input| input.pointer.hover_pos());
-        for overlay in Overlay::ALL.into_iter().rev().filter(|overlay| self.has_overlay(*overlay)) {
+        for overlay in Overlay::value_variants().iter().rev().filter(|overlay| self.has_overlay(**overlay)) {
             overlay.draw(&painter, hand.model(), (&hand.shape, &hand.pose), screen, pointer);
         }
     }

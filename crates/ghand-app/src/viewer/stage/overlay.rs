@@ -27,17 +27,6 @@ const BONE_COLOR: Color32 = Color32::from_rgb(86, 180, 233);
 const EDGE_COLOR: Color32 = Color32::from_black_alpha(170);
 
 impl Overlay {
-    /// All in the order in which they are offered.
-    pub const ALL: [Overlay; 2] = [Overlay::Skeleton, Overlay::Wireframe];
-
-    /// Its name.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Overlay::Skeleton => "skeleton",
-            Overlay::Wireframe => "wireframe",
-        }
-    }
-
     /// What it shows, one sentence.
     pub const fn summary(self) -> &'static str {
         match self {

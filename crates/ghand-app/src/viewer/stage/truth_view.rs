@@ -4,6 +4,7 @@
 
 use std::time::Duration;
 
+use clap::ValueEnum;
 use egui::{
     Align2, Color32, ColorImage, Context, CursorIcon, Grid, Rect, RichText, Sense, Shape, Stroke, TextureHandle,
     TextureId, TextureOptions, Ui, WidgetInfo,
@@ -13,6 +14,7 @@ use ghand_measure::metrics::{Psnr, psnr};
 use ghand_pictures::{Background, Picture};
 use ghand_render::RenderError;
 
+use crate::cli::choice_name;
 use crate::viewer::document::capture_panel::CapturePanel;
 use crate::viewer::rendering::drawing::GaussianColors;
 use crate::viewer::rendering::frame::PictureInputs;
@@ -120,8 +122,8 @@ impl TruthView {
     pub fn controls(&mut self, ui: &mut Ui, comparable: Option<Pair>) -> bool {
         ui.add_enabled_ui(comparable.is_some(), |ui| {
             ui.horizontal_wrapped(|ui| {
-                for comparison in Comparison::ALL {
-                    ui.selectable_value(&mut self.comparison, comparison, comparison.name())
+                for &comparison in Comparison::value_variants() {
+                    ui.selectable_value(&mut self.comparison, comparison, choice_name(comparison))
                         .on_hover_text(comparison.summary())
                         .on_disabled_hover_text("The view has moved away from the camera.");
                 }

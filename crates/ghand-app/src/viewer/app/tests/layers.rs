@@ -106,11 +106,11 @@ fn check(layer: Layer, joint: usize, basis: usize, expected: DVec3, title: &str)
     let middle = shown.middle();
     let pixel = shown.pixel(middle);
     // One percent of the background shines through, and values are rounded.
-    assert!(pixel.distance(expected) < 0.02, "{}: {pixel} instead of {expected}", layer.name());
+    assert!(pixel.distance(expected) < 0.02, "{layer:?}: {pixel} instead of {expected}");
     assert!(shown.title().contains(title), "{:?} lacks {title:?}", shown.title());
     // Beside the hand there is none of it.
     let corner = shown.pixel([2, 2]);
-    assert!(corner.distance(expected) > 0.1, "{}: {corner} in the corner", layer.name());
+    assert!(corner.distance(expected) > 0.1, "{layer:?}: {corner} in the corner");
 }
 
 #[test]
@@ -235,7 +235,7 @@ fn a_layer_that_an_avatar_lacks_is_explained_and_not_shown() {
         ui.frame(Vec::new());
         let viewer = ui.viewer();
         assert_eq!(viewer.stage.layers().layer(viewer.document.avatar()), Layer::Skin);
-        assert!(ui.harness.query_by_label_contains(said).is_some(), "{}: no message", layer.name());
+        assert!(ui.harness.query_by_label_contains(said).is_some(), "{layer:?}: no message");
         assert!(ui.viewer().missing_layer(layer).is_some());
     }
     assert!(!ui.viewer().choose_basis(9));
