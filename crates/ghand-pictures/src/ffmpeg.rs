@@ -32,7 +32,7 @@ pub(crate) struct Purpose {
 }
 
 /// An ffmpeg that is encoding. If dropped before its end, it leaves no file.
-pub(crate) struct Ffmpeg {
+pub struct Ffmpeg {
     child: Child,
     pictures: Option<ChildStdin>,
     /// Messages of ffmpeg; a file, because nothing reads a pipe during encoding.
@@ -73,11 +73,11 @@ impl Ffmpeg {
         Ok(Ffmpeg { child, pictures, complaints, encoded, purpose, _known: known })
     }
 
-    /// Sends raw pixels.
+    /// Sends raw pixels, row by row.
     ///
     /// # Errors
     /// The message of ffmpeg, if it has ended.
-    pub(crate) fn send(&mut self, pixels: &[u8]) -> Result<(), PictureError> {
+    pub fn send(&mut self, pixels: &[u8]) -> Result<(), PictureError> {
         let sent = match &mut self.pictures {
             Some(pipe) => pipe.write_all(pixels),
             None => Ok(()),
@@ -97,7 +97,7 @@ impl Ffmpeg {
     ///
     /// # Errors
     /// The message of ffmpeg, or an error that names the file.
-    pub(crate) fn write(mut self, path: &Path) -> Result<(), PictureError> {
+    pub fn write(mut self, path: &Path) -> Result<(), PictureError> {
         // The end of the pictures.
         self.pictures = None;
         let status = self.child.wait();

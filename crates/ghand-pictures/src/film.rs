@@ -2,11 +2,11 @@
 
 use std::path::Path;
 
+use crate::ffmpeg::Ffmpeg;
 use crate::film_options::FilmOptions;
 use crate::format::FilmFormat;
 use crate::gif::GifFilm;
-use crate::piped_film::PipedFilm;
-use crate::{Picture, PictureError};
+use crate::{Picture, PictureError, piped_film};
 
 /// Duration of one turn around a hand or scene that does not move, seconds, if there are enough pictures.
 pub const LONGEST_TURN_SECONDS: f64 = 4.0;
@@ -23,7 +23,7 @@ pub enum Film {
     /// Encoded here.
     Gif(GifFilm),
     /// Encoded by ffmpeg.
-    Piped(PipedFilm),
+    Piped(Ffmpeg),
 }
 
 impl Film {
@@ -34,7 +34,7 @@ impl Film {
     pub fn start(options: FilmOptions) -> Result<Film, PictureError> {
         Ok(match options.format {
             FilmFormat::Gif => Film::Gif(GifFilm::start(options)?),
-            FilmFormat::Webm | FilmFormat::Mp4 => Film::Piped(PipedFilm::start(options)?),
+            FilmFormat::Webm | FilmFormat::Mp4 => Film::Piped(piped_film::start(&options)?),
         })
     }
 
@@ -53,7 +53,7 @@ impl Film {
     pub fn add(&mut self, picture: &Picture) -> Result<(), PictureError> {
         match self {
             Film::Gif(film) => film.add(picture),
-            Film::Piped(film) => film.add(picture),
+            Film::Piped(film) => film.send(picture.to_rgba8().as_flattened()),
         }
     }
 

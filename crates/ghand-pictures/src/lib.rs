@@ -24,9 +24,10 @@ mod video;
 
 pub use background::{Background, parse_background};
 pub use destination::Destination;
+pub use ffmpeg::Ffmpeg;
 pub use film::{LONGEST_TURN_SECONDS, turn_rate};
 pub use format::{Format, StillFormat};
 pub use picture::{Picture, write_png};
 pub use picture_error::PictureError;
 pub use series::{Series, Shot};
-pub use video::{Video, VideoOptions};
+pub use video::{VideoOptions, start_video};

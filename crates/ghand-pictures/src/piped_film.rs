@@ -1,50 +1,26 @@
 //! Films encoded by ffmpeg.
 
-use std::path::Path;
-
 use crate::ffmpeg::{DISPLAY_TAGS, Ffmpeg, Purpose, words};
 use crate::film_options::FilmOptions;
 use crate::format::FilmFormat;
-use crate::{Background, Picture, PictureError};
+use crate::{Background, PictureError};
 
 const PURPOSE: Purpose = Purpose {
     needed_by: "webm and mp4 need",
     remedy: "install ffmpeg (Debian or Ubuntu: `apt-get install ffmpeg`), or render a .gif or a folder of PNG pictures",
 };
 
-/// A film that ffmpeg is encoding. If dropped before its end, it leaves no file.
-pub struct PipedFilm(Ffmpeg);
-
-impl PipedFilm {
-    /// Starts ffmpeg.
-    ///
-    /// # Errors
-    /// One sentence if it is not installed, or the format cannot be transparent.
-    pub fn start(options: FilmOptions) -> Result<PipedFilm, PictureError> {
-        if options.format == FilmFormat::Mp4 && options.background == Background::Transparent {
-            return Err(PictureError::Unsuitable(
-                "--background transparent: MP4 has no transparency; give .webm, .gif or a folder of PNG pictures"
-                    .into(),
-            ));
-        }
-        Ffmpeg::start(&arguments(&options), PURPOSE).map(PipedFilm)
+/// Starts ffmpeg for a film, which is sent the pictures' red, green, blue and alpha.
+///
+/// # Errors
+/// One sentence if it is not installed, or the format cannot be transparent.
+pub fn start(options: &FilmOptions) -> Result<Ffmpeg, PictureError> {
+    if options.format == FilmFormat::Mp4 && options.background == Background::Transparent {
+        return Err(PictureError::Unsuitable(
+            "--background transparent: MP4 has no transparency; give .webm, .gif or a folder of PNG pictures".into(),
+        ));
     }
-
-    /// Adds a picture.
-    ///
-    /// # Errors
-    /// The message of ffmpeg, if it has ended.
-    pub fn add(&mut self, picture: &Picture) -> Result<(), PictureError> {
-        self.0.send(picture.to_rgba8().as_flattened())
-    }
-
-    /// Waits for the end of the encoding and writes the film.
-    ///
-    /// # Errors
-    /// The message of ffmpeg, or an error that names the file.
-    pub fn write(self, path: &Path) -> Result<(), PictureError> {
-        self.0.write(path)
-    }
+    Ffmpeg::start(&arguments(options), PURPOSE)
 }
 
 /// All arguments except the last, the file.
@@ -78,7 +54,7 @@ mod tests {
     fn an_mp4_cannot_be_transparent() {
         let options =
             FilmOptions { format: FilmFormat::Mp4, size: [4, 4], background: Background::Transparent, fps: 30.0 };
-        let error = PipedFilm::start(options).err().unwrap().to_string();
+        let error = start(&options).err().unwrap().to_string();
         assert!(error.contains("transparent") && error.contains(".webm"), "{error}");
     }
 }

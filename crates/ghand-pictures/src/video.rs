@@ -1,7 +1,5 @@
 //! Videos as cameras record them: compressed, and perhaps with missing frames.
 
-use std::path::Path;
-
 use crate::PictureError;
 use crate::ffmpeg::{DISPLAY_TAGS, Ffmpeg, Purpose, words};
 
@@ -21,33 +19,12 @@ pub struct VideoOptions {
     pub lost: Vec<usize>,
 }
 
-/// An MP4 video that ffmpeg is encoding. If dropped before its end, it leaves no file.
-pub struct Video(Ffmpeg);
-
-impl Video {
-    /// Starts ffmpeg.
-    ///
-    /// # Errors
-    /// One sentence if it is not installed.
-    pub fn start(options: &VideoOptions) -> Result<Video, PictureError> {
-        Ffmpeg::start(&arguments(options), PURPOSE).map(Video)
-    }
-
-    /// Adds a frame: red, green and blue of each pixel, row by row.
-    ///
-    /// # Errors
-    /// The message of ffmpeg, if it has ended.
-    pub fn add(&mut self, rgb: &[u8]) -> Result<(), PictureError> {
-        self.0.send(rgb)
-    }
-
-    /// Waits for the end of the encoding and writes the video.
-    ///
-    /// # Errors
-    /// The message of ffmpeg, or an error that names the file.
-    pub fn write(self, path: &Path) -> Result<(), PictureError> {
-        self.0.write(path)
-    }
+/// Starts ffmpeg for an MP4 video, which is sent the frames' red, green and blue.
+///
+/// # Errors
+/// One sentence if it is not installed.
+pub fn start_video(options: &VideoOptions) -> Result<Ffmpeg, PictureError> {
+    Ffmpeg::start(&arguments(options), PURPOSE)
 }
 
 /// All arguments except the last, the file.

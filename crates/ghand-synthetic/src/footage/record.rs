@@ -5,7 +5,7 @@ use std::path::Path;
 use ghand_capture::CaptureError;
 use ghand_capture::cameras::list::{LensCamera, write_cameras};
 use ghand_core::Camera;
-use ghand_pictures::{Video, VideoOptions};
+use ghand_pictures::{Ffmpeg, VideoOptions, start_video};
 use image::ExtendedColorType;
 
 use super::board::Board;
@@ -38,9 +38,9 @@ pub(crate) fn record(
     let clocks = Clock::all(options);
     let all = clocks.iter().map(Clock::frames).sum();
     let size = [options.width, options.height];
-    let start = |clock: &Clock| Video::start(&VideoOptions { size, rate: clock.rate, lost: clock.lost.clone() });
+    let start = |clock: &Clock| start_video(&VideoOptions { size, rate: clock.rate, lost: clock.lost.clone() });
     // Without ffmpeg this ends here, before the work.
-    let videos: Vec<Video> = clocks.iter().map(start).collect::<Result<_, _>>()?;
+    let videos: Vec<Ffmpeg> = clocks.iter().map(start).collect::<Result<_, _>>()?;
     let subject = Subject::random(options).map_err(|source| CaptureError::HandModel { path: folder.into(), source })?;
     let room = Room::furnished(options.seed);
     let cameras = FilmCamera::all(options, clocks, &room);
@@ -54,7 +54,7 @@ pub(crate) fn record(
         for (camera, mut video) in cameras.iter().zip(videos) {
             for frame in 0..camera.clock.frames() {
                 let (rgb, mask) = scene.frame(camera, frame, frame % MASK_EVERY == 0, render)?;
-                video.add(&rgb)?;
+                video.send(&rgb)?;
                 if let Some(mask) = mask {
                     write_mask(workshop, &camera.at(0.0).camera, frame, &mask)?;
                 }
