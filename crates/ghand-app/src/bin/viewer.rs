@@ -133,8 +133,17 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
     }
     let light = &arguments.light;
     let (mut subject, source) = subject(path.as_deref(), light)?;
+    let of_hands = [
+        ("--pose", arguments.pose.is_some()),
+        ("--capture", arguments.capture.is_some()),
+        ("--overlay", !arguments.overlay.is_empty()),
+        ("--live", arguments.live.is_some()),
+        ("--webcam", webcam.is_some()),
+    ];
+    if let (Subject::Scene { .. }, Some((option, _))) = (&subject, of_hands.iter().find(|(_, given)| *given)) {
+        bail!("{option}: {source} is a scene of Gaussians, which has no hand; give an avatar or omit {option}");
+    }
     match (&mut subject, arguments.pose) {
-        (_, None) => arguments.same_tracker.refuse("says what poses are, and needs --pose")?,
         (Subject::Hand(hand), Some(text)) => {
             let mut sequence = arguments.reading.load(&text, hand.model())?;
             match (hand.avatar(), &path) {
@@ -145,26 +154,12 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
             }
             hand.show(text, sequence);
         }
-        (Subject::Scene { .. }, Some(_)) => {
-            bail!("--pose: {source} is a scene of Gaussians, which cannot be posed; give an avatar or omit --pose")
-        }
+        _ => arguments.same_tracker.refuse("says what poses are, and needs --pose")?,
     }
     let capture = match (&arguments.capture, &subject) {
-        (None, _) => None,
         (Some(path), Subject::Hand(hand)) => Some(CapturePanel::open(path, &arguments.capture_options, hand.model())?),
-        (Some(_), Subject::Scene { .. }) => {
-            bail!("--capture: {source} is a scene of Gaussians, which has no place in a capture; give an avatar")
-        }
+        _ => None,
     };
-    if let (false, Subject::Scene { .. }) = (arguments.overlay.is_empty(), &subject) {
-        bail!("--overlay: {source} is a scene of Gaussians, without a hand model to draw; omit --overlay")
-    }
-    if let (Some(_), Subject::Scene { .. }) = (arguments.live, &subject) {
-        bail!("--live: {source} is a scene of Gaussians, which cannot be posed; give an avatar or omit --live")
-    }
-    if let (Some(_), Subject::Scene { .. }) = (&webcam, &subject) {
-        bail!("--webcam: {source} is a scene of Gaussians, which cannot be posed; give an avatar or omit --webcam")
-    }
     let mut viewer = Viewer::new(&gpu, subject, source.clone())?;
     viewer.log_start(start);
     if let Some(path) = &path {
