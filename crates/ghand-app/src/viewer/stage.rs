@@ -35,7 +35,7 @@ use crate::viewer::rendering::picture::Progress;
 use crate::viewer::rendering::screen::Screen;
 use crate::viewer::session::Session;
 use crate::viewer::stage::canvas::Canvas;
-use crate::viewer::stage::drags::Drag;
+use crate::viewer::stage::drags::Effect;
 use crate::viewer::stage::layer_view::LayerView;
 use crate::viewer::stage::pointer::Pointer;
 use crate::viewer::stage::truth_view::{TruthView, comparable, image_region};
@@ -329,11 +329,11 @@ impl Stage {
         let hand = document.hand_mut().filter(|_| handles_shown);
         let edge = rect.width().min(rect.height()).into();
         for drag in self.pointer.follow(&events, hand, &screen, in_view) {
-            match drag {
-                Drag::Turn(by) => self.camera.orbit(points(by)),
-                Drag::Move(by) => self.camera.pan(points(by), edge),
-                Drag::Handle(landmark, by) => {
-                    document.edit_hand(|hand| self.pointer.drag_handle(hand, landmark, by, &screen));
+            match drag.effect {
+                Effect::Turn => self.camera.orbit(points(drag.by)),
+                Effect::Move => self.camera.pan(points(drag.by), edge),
+                Effect::Handle(landmark) => {
+                    document.edit_hand(|hand| self.pointer.drag_handle(hand, landmark, drag.by, &screen));
                 }
             }
         }

@@ -5,23 +5,23 @@
 
 use egui::{Event, Modifiers, PointerButton, Pos2, Vec2};
 
-/// What a drag does; points.
+/// A drag, or a part of it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Drag {
-    /// The main button rotates the view.
-    Turn(Vec2),
-    /// The other buttons, or the main button with Shift, move the view.
-    Move(Vec2),
-    /// The main button drags the handle of this number, if it was pressed there.
-    Handle(usize, Vec2),
+pub struct Drag {
+    /// What it does.
+    pub effect: Effect,
+    /// How far it goes, points.
+    pub by: Vec2,
 }
 
-/// What is at a place where a drag can begin.
+/// What a drag does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Grip {
-    /// The view.
-    View,
-    /// A handle in the view, by its number.
+pub enum Effect {
+    /// The main button rotates the view.
+    Turn,
+    /// The other buttons, or the main button with Shift, move the view.
+    Move,
+    /// The main button drags the handle of this number, if it was pressed there.
     Handle(usize),
 }
 
@@ -38,13 +38,6 @@ struct Held {
     last: Pos2,
 }
 
-#[derive(Debug, Clone, Copy)]
-enum Effect {
-    Turn,
-    Move,
-    Handle(usize),
-}
-
 impl Drags {
     /// The handle that is held.
     pub fn held_handle(&self) -> Option<usize> {
@@ -54,9 +47,10 @@ impl Drags {
         }
     }
 
-    /// The drags in a frame's events, in order; each is the sum of its movements. A drag begins where there is a grip,
-    /// and then continues wherever the pointer is. Keys pressed during a drag do not change what it does.
-    pub fn follow(&mut self, events: &[Event], mut grip_at: impl FnMut(Pos2) -> Option<Grip>) -> Vec<Drag> {
+    /// The drags in a frame's events, in order; each is the sum of its movements. A drag begins in the view,
+    /// perhaps at a handle there, and then continues wherever the pointer is. Keys pressed during a drag do not change
+    /// what it does. `handle_at` is `None` outside the view, and in it the number of a handle, if there is one.
+    pub fn follow(&mut self, events: &[Event], mut handle_at: impl FnMut(Pos2) -> Option<Option<usize>>) -> Vec<Drag> {
         let mut drags = Vec::new();
         let mut sum = Vec2::ZERO;
         for event in events {
@@ -70,9 +64,9 @@ impl Drags {
                     }
                     sum += self.move_to(pos);
                     if self.held.is_none()
-                        && let Some(grip) = grip_at(pos)
+                        && let Some(handle) = handle_at(pos)
                     {
-                        self.held = Some(Held { button, effect: effect(button, modifiers, grip), last: pos });
+                        self.held = Some(Held { button, effect: effect(button, modifiers, handle), last: pos });
                     }
                 }
                 Event::PointerButton { pos, button, pressed: false, .. } => {
@@ -95,20 +89,15 @@ impl Drags {
 
     fn drag(&self, sum: Vec2) -> Option<Drag> {
         let held = self.held.filter(|_| sum != Vec2::ZERO)?;
-        Some(match held.effect {
-            Effect::Turn => Drag::Turn(sum),
-            Effect::Move => Drag::Move(sum),
-            Effect::Handle(handle) => Drag::Handle(handle, sum),
-        })
+        Some(Drag { effect: held.effect, by: sum })
     }
 }
 
-fn effect(button: PointerButton, modifiers: Modifiers, grip: Grip) -> Effect {
-    match grip {
-        _ if button != PointerButton::Primary || modifiers.shift => Effect::Move,
-        Grip::View => Effect::Turn,
-        Grip::Handle(handle) => Effect::Handle(handle),
+fn effect(button: PointerButton, modifiers: Modifiers, handle: Option<usize>) -> Effect {
+    if button != PointerButton::Primary || modifiers.shift {
+        return Effect::Move;
     }
+    handle.map_or(Effect::Turn, Effect::Handle)
 }
 
 #[cfg(test)]
@@ -135,27 +124,30 @@ mod tests {
         Event::PointerMoved(pos2(x, 50.0))
     }
 
+    fn drag(effect: Effect, x: f32) -> Drag {
+        Drag { effect, by: vec2(x, 0.0) }
+    }
+
     fn turn(x: f32) -> Drag {
-        Drag::Turn(vec2(x, 0.0))
+        drag(Effect::Turn, x)
     }
 
     /// Drags may begin at positions from 100; from 400 there is a handle.
     fn follow(drags: &mut Drags, events: &[Event]) -> Vec<Drag> {
-        let grip = |pos: Pos2| if pos.x >= 400.0 { Grip::Handle(7) } else { Grip::View };
-        drags.follow(events, |pos| (pos.x >= A.x).then(|| grip(pos)))
+        drags.follow(events, |pos| (pos.x >= A.x).then(|| (pos.x >= 400.0).then_some(7)))
     }
 
     #[test]
     fn only_the_main_button_without_shift_drags_a_handle() {
         let mut drags = Drags::default();
-        assert_eq!(follow(&mut drags, &[press(410.0), at(430.0)]), [Drag::Handle(7, vec2(20.0, 0.0))]);
+        assert_eq!(follow(&mut drags, &[press(410.0), at(430.0)]), [drag(Effect::Handle(7), 20.0)]);
         assert_eq!(drags.held_handle(), Some(7));
-        assert_eq!(follow(&mut drags, &[at(50.0), release(50.0)]), [Drag::Handle(7, vec2(-380.0, 0.0))]);
+        assert_eq!(follow(&mut drags, &[at(50.0), release(50.0)]), [drag(Effect::Handle(7), -380.0)]);
         assert_eq!(drags.held_handle(), None);
         let shift = button(true, 410.0, PointerButton::Primary, Modifiers::SHIFT);
-        assert_eq!(follow(&mut drags, &[shift, at(411.0), release(411.0)]), [Drag::Move(vec2(1.0, 0.0))]);
+        assert_eq!(follow(&mut drags, &[shift, at(411.0), release(411.0)]), [drag(Effect::Move, 1.0)]);
         let other = button(true, 410.0, PointerButton::Secondary, Modifiers::NONE);
-        assert_eq!(follow(&mut drags, &[other, at(412.0)]), [Drag::Move(vec2(2.0, 0.0))]);
+        assert_eq!(follow(&mut drags, &[other, at(412.0)]), [drag(Effect::Move, 2.0)]);
     }
 
     #[test]
@@ -166,8 +158,8 @@ mod tests {
             let mut sum = Vec2::ZERO;
             for frame in events.chunks(events.len().div_ceil(frames)) {
                 for drag in follow(&mut drags, frame) {
-                    let Drag::Turn(by) = drag else { panic!("{drag:?}") };
-                    sum += by;
+                    assert_eq!(drag.effect, Effect::Turn);
+                    sum += drag.by;
                 }
             }
             assert_eq!(sum, vec2(-23.0, 0.0), "{frames} frames");
@@ -180,7 +172,7 @@ mod tests {
         assert_eq!(follow(&mut Drags::default(), &events), [turn(20.0), turn(-15.0)]);
         let other = |pressed, x| button(pressed, x, PointerButton::Secondary, Modifiers::NONE);
         let events = [press(110.0), release(112.0), other(true, 112.0), at(118.0), other(false, 118.0)];
-        assert_eq!(follow(&mut Drags::default(), &events), [turn(2.0), Drag::Move(vec2(6.0, 0.0))]);
+        assert_eq!(follow(&mut Drags::default(), &events), [turn(2.0), drag(Effect::Move, 6.0)]);
     }
 
     #[test]
@@ -206,8 +198,8 @@ mod tests {
     fn only_shift_at_the_press_makes_a_drag_move_the_view() {
         let mut drags = Drags::default();
         let press = button(true, 100.0, PointerButton::Primary, Modifiers::SHIFT);
-        assert_eq!(follow(&mut drags, &[press, at(110.0)]), [Drag::Move(vec2(10.0, 0.0))]);
-        assert_eq!(follow(&mut drags, &[at(111.0), release(111.0)]), [Drag::Move(vec2(1.0, 0.0))]);
+        assert_eq!(follow(&mut drags, &[press, at(110.0)]), [drag(Effect::Move, 10.0)]);
+        assert_eq!(follow(&mut drags, &[at(111.0), release(111.0)]), [drag(Effect::Move, 1.0)]);
     }
 
     #[test]

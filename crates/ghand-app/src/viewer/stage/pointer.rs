@@ -6,7 +6,7 @@ use crate::viewer::hand::Hand;
 use crate::viewer::hand::handles::{HandleDrag, draw_joint};
 use crate::viewer::rendering::screen::Screen;
 use crate::viewer::session::settings::Settings;
-use crate::viewer::stage::drags::{Drag, Drags, Grip};
+use crate::viewer::stage::drags::{Drag, Drags};
 
 /// Drags from one frame to the next.
 #[derive(Default)]
@@ -30,7 +30,7 @@ impl Pointer {
                 let pose = hand.pose.clone();
                 hand.handles()?.at(&pose, screen, pos)
             };
-            in_view(pos).then(|| hand.as_deref_mut().and_then(handle).map_or(Grip::View, Grip::Handle))
+            in_view(pos).then(|| hand.as_deref_mut().and_then(handle))
         })
     }
 
