@@ -31,6 +31,19 @@ impl AdapterArgs {
     pub fn open(&self) -> Result<Gpu, DeviceError> {
         Gpu::new(&self.adapter.as_deref().map_or_else(AdapterChoice::from_env, AdapterChoice::parse))
     }
+
+    /// Opens the chosen adapter, for what can do without; within, the error if the computer has none at all.
+    ///
+    /// # Errors
+    /// As [`AdapterArgs::open`], if there is another adapter.
+    pub fn open_if_any(&self) -> Result<Result<Gpu, DeviceError>, DeviceError> {
+        match self.open() {
+            Err(DeviceError::NoAdapter { wanted, found }) if found.is_empty() => {
+                Ok(Err(DeviceError::NoAdapter { wanted, found }))
+            }
+            opened => opened.map(Ok),
+        }
+    }
 }
 
 /// The user has stopped the program: a line that says what exists.

@@ -18,7 +18,6 @@ use ghand_files::atomic_file::check_writable;
 use ghand_fit::alignment::results::review::review;
 use ghand_hand_model::files::read::file_and_side;
 use ghand_pictures::write_png;
-use ghand_render::DeviceError;
 
 use crate::capture_source::CaptureReading;
 use crate::cli::AdapterArgs;
@@ -144,15 +143,12 @@ fn write_sheet(
     opened: &Opened,
     views: &[SheetView],
 ) -> anyhow::Result<String> {
-    let none_is_there = |error: &DeviceError| matches!(error, DeviceError::NoAdapter { found, .. } if found.is_empty());
-    let mut gpu = match adapter.open() {
+    let mut gpu = match adapter.open_if_any()? {
         // The rest of an inspection does not need a device, and the pictures were not requested.
-        Err(error) if !is_wanted && none_is_there(&error) => return Ok(format!("no pictures: {error}")),
+        Err(error) if !is_wanted => return Ok(format!("no pictures: {error}")),
         opened => opened?,
     };
-    let sheet = gpu.retry_on_device_loss("the contact sheet", |gpu| -> anyhow::Result<_> {
-        Ok(contact_sheet(gpu, &opened.capture, views)?)
-    })?;
+    let sheet = gpu.retry_on_device_loss("the contact sheet", |gpu| contact_sheet(gpu, &opened.capture, views))?;
     write_png(path, &sheet)?;
     Ok(format!("pictures: {}", path.display()))
 }

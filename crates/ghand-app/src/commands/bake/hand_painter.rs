@@ -85,7 +85,8 @@ impl<'a> HandPainter<'a> {
     }
 }
 
-fn to_rgb(image: &Image) -> RgbImage {
+/// A render as 8-bit display values.
+pub fn to_rgb(image: &Image) -> RgbImage {
     RgbImage::from_fn(image.width, image.height, |x, y| {
         let pixel = image.rgba.get((y * image.width + x) as usize).copied().unwrap_or_default();
         Rgb([0, 1, 2].map(|c| (pixel[c].clamp(0.0, 1.0) * 255.0).round() as u8))

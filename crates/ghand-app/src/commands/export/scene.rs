@@ -7,7 +7,6 @@ use ghand_avatar::scene_files::SplatScene;
 use ghand_avatar::{Avatar, PosedHand};
 use ghand_core::Pose;
 use ghand_files::atomic_file::check_writable;
-use ghand_render::DeviceError;
 
 use super::ExportArgs;
 use super::format::{ExportFormat, numbered};
@@ -69,7 +68,7 @@ pub fn posed(
     adapter: &AdapterArgs,
     take: &mut dyn FnMut(&SplatScene) -> anyhow::Result<()>,
 ) -> anyhow::Result<()> {
-    match adapter.open() {
+    match adapter.open_if_any()? {
         Ok(mut gpu) => {
             let mut done = 0;
             gpu.retry_on_device_loss("the export", |gpu| -> anyhow::Result<()> {
@@ -82,10 +81,9 @@ pub fn posed(
                 Ok(())
             })
         }
-        Err(DeviceError::NoAdapter { found, .. }) if found.is_empty() => {
+        Err(_) => {
             say!("there is no graphics adapter: the processor poses the avatar");
             poses.iter().try_for_each(|pose| take(&PosedHand::splats_on_host(avatar, pose)?))
         }
-        Err(error) => Err(error.into()),
     }
 }

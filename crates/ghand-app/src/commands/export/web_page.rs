@@ -9,12 +9,12 @@ use ghand_files::atomic_file::write_atomically;
 use ghand_hand_model::named_poses::POSE_NAMES;
 use ghand_motion::pose_sequence::formats::ghand::poses_json;
 use ghand_render::splat::{Image, Purpose};
-use ghand_render::{DeviceError, Gpu, RenderError};
+use ghand_render::{Gpu, RenderError};
 use ghand_web::stage::Stage;
-use image::RgbImage;
 
 use super::ExportArgs;
 use crate::cli::AdapterArgs;
+use crate::commands::bake::hand_painter::to_rgb;
 use crate::html_page::data_url;
 use crate::pose_choice::is_name;
 use crate::say;
@@ -60,21 +60,13 @@ pub fn write(args: &ExportArgs, out: &Path, adapter: &AdapterArgs) -> anyhow::Re
 
 /// The picture where there is no WebGPU: the first view of the player. None without a graphics adapter.
 fn poster(avatar: Avatar, pose: Option<Pose>, adapter: &AdapterArgs) -> anyhow::Result<Option<Source>> {
-    let gpu = match adapter.open() {
-        Ok(gpu) => gpu,
-        Err(DeviceError::NoAdapter { found, .. }) if found.is_empty() => {
-            say!("there is no graphics adapter: the page has no picture for browsers without WebGPU");
-            return Ok(None);
-        }
-        Err(error) => return Err(error.into()),
+    let Ok(gpu) = adapter.open_if_any()? else {
+        say!("there is no graphics adapter: the page has no picture for browsers without WebGPU");
+        return Ok(None);
     };
     let mut stage = Stage::default();
     stage.add(avatar).map_err(anyhow::Error::msg)?;
-    let image = picture(&gpu, &stage, pose)?;
-    let byte = |value: f32| (value.clamp(0.0, 1.0) * 255.0).round() as u8;
-    let bytes = image.rgba.iter().flat_map(|[r, g, b, _]| [*r, *g, *b].map(byte)).collect();
-    let image = RgbImage::from_raw(image.width, image.height, bytes).context("the picture has another size")?;
-    Ok(Some(Source::At(data_url(&image)?)))
+    Ok(Some(Source::At(data_url(&to_rgb(&picture(&gpu, &stage, pose)?))?)))
 }
 
 fn picture(gpu: &Gpu, stage: &Stage, pose: Option<Pose>) -> Result<Image, RenderError> {

@@ -2,7 +2,6 @@
 
 use ghand_capture::Capture;
 use ghand_capture::inspection::{CaptureInspection, DEFAULT_SAMPLE};
-use ghand_render::DeviceError;
 use image::RgbImage;
 
 use super::turntable::strip;
@@ -33,18 +32,12 @@ impl Pictures {
         let views: Vec<SheetView> = (found.examples(SHEET_VIEWS).into_iter())
             .map(|(split, fit)| SheetView { split: split.name.clone(), fit })
             .collect();
-        let sheet = match adapter.open() {
+        let sheet = match adapter.open_if_any() {
             _ if views.is_empty() => Err("no image could be decoded".into()),
-            Err(error) if is_none_there(&error) => Err(error.to_string()),
-            gpu => Ok(gpu?.retry_on_device_loss("the pictures", |gpu| -> anyhow::Result<_> {
-                Ok(contact_sheet(gpu, capture, &views)?)
-            })?),
+            Ok(Err(error)) => Err(error.to_string()),
+            gpu => Ok(gpu??.retry_on_device_loss("the pictures", |gpu| contact_sheet(gpu, capture, &views))?),
         };
         let frame = views.first().map_or(0, |view| view.fit.frame);
         Ok(Pictures { sheet, strip: strip(capture, frame).map_err(|error| error.to_string()), frame })
     }
-}
-
-fn is_none_there(error: &DeviceError) -> bool {
-    matches!(error, DeviceError::NoAdapter { found, .. } if found.is_empty())
 }

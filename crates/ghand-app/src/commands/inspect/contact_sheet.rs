@@ -4,8 +4,8 @@
 mod overlay;
 mod window;
 
+use ghand_capture::Capture;
 use ghand_capture::inspection::{ViewFit, posed_template, true_pose};
-use ghand_capture::{Capture, CaptureError};
 use ghand_pictures::draw_text::{LINE, letter_width, write};
 use ghand_render::Gpu;
 use ghand_render::mesh::{MeshError, MeshRenderer};
@@ -27,17 +27,6 @@ const PAPER: Rgb<u8> = Rgb([40, 40, 44]);
 const INK: Rgb<u8> = Rgb([235, 235, 235]);
 const FAINT: Rgb<u8> = Rgb([165, 165, 170]);
 
-/// Why there is no sheet.
-#[derive(Debug, thiserror::Error)]
-pub enum ContactSheetError {
-    /// An image or the hand model is unusable.
-    #[error(transparent)]
-    Capture(#[from] CaptureError),
-    /// The device failed.
-    #[error(transparent)]
-    Mesh(#[from] MeshError),
-}
-
 /// One view of the sheet.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SheetView {
@@ -57,15 +46,15 @@ struct Row {
 /// Draws views in the order given, numbered from 1.
 ///
 /// # Errors
-/// [`ContactSheetError`] if an image or the hand model is unusable, or the device fails.
-pub fn contact_sheet(gpu: &Gpu, capture: &Capture, views: &[SheetView]) -> Result<RgbImage, ContactSheetError> {
+/// If an image or the hand model is unusable, or the device fails.
+pub fn contact_sheet(gpu: &Gpu, capture: &Capture, views: &[SheetView]) -> anyhow::Result<RgbImage> {
     let renderer = MeshRenderer::new(gpu)?;
     let numbered = (1..).zip(views);
-    let rows: Result<Vec<Row>, _> = numbered.map(|(number, view)| row(&renderer, capture, number, view)).collect();
+    let rows: anyhow::Result<Vec<Row>> = numbered.map(|(number, view)| row(&renderer, capture, number, view)).collect();
     Ok(laid_out(&rows?))
 }
 
-fn row(renderer: &MeshRenderer, capture: &Capture, number: usize, view: &SheetView) -> Result<Row, ContactSheetError> {
+fn row(renderer: &MeshRenderer, capture: &Capture, number: usize, view: &SheetView) -> anyhow::Result<Row> {
     let fit = view.fit;
     let rgba = capture.load_view(fit.camera, fit.frame)?.rgba;
     let (given, truth) = posed_template(capture, fit.frame)?;
