@@ -10,7 +10,6 @@ pub mod command_inputs;
 pub mod commands;
 pub mod demo_avatar;
 pub mod file_kind;
-pub mod format_args;
 pub mod hand_model_file;
 mod html_page;
 pub mod lighting;

@@ -12,13 +12,12 @@ use ghand_avatar::framing::{orbit, posed_vertices, turntable};
 use ghand_capture::cameras::named::read_named_camera;
 use ghand_core::{Camera, Pose};
 use ghand_motion::{PoseFrame, PoseSequence};
-use ghand_pictures::{Background, Destination, Series, Shot, parse_background, turn_rate};
+use ghand_pictures::{Background, Destination, Format, Series, Shot, parse_background, turn_rate};
 use ghand_render::splat::{Purpose, band_rows};
 
 use crate::baked::baked;
 use crate::cli::{AdapterArgs, parse_count, parse_size};
 use crate::command_inputs::{CommandInputs, camera_file};
-use crate::format_args::FormatArgs;
 use crate::lighting::Lighting;
 use crate::pose_choice::{PoseReadingArgs, frame_number};
 use crate::same_tracker::SameTrackerArgs;
@@ -73,8 +72,10 @@ pub struct RenderArgs {
     /// Draw the avatar baked, which is faster; it is baked first, unless it is beside the avatar already
     #[arg(long)]
     baked: bool,
-    #[command(flatten)]
-    format: FormatArgs,
+    /// png or exr pictures, or one film: gif, or, with ffmpeg installed, webm or mp4 [default: what --out ends in, else
+    /// png]
+    #[arg(long, value_name = "FORMAT", value_parser = Format::parse)]
+    format: Option<Format>,
     /// Colour behind the hand, display values from 0 to 1; or transparent: colours are multiplied by alpha in
     /// EXR only
     #[arg(long, value_name = "R,G,B|transparent", value_parser = parse_background, default_value = "0,0,0")]
@@ -91,7 +92,7 @@ fn parse_turns(text: &str) -> Result<f64, String> {
 /// # Errors
 /// An error that names the file or the option and its problem.
 pub fn run(args: &RenderArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
-    let destination = args.format.destination(&args.out, stem(&args.pose))?;
+    let destination = Destination::new(&args.out, args.format, stem(&args.pose))?;
     let light = &args.light;
     let inputs = CommandInputs::default()
         .and([&args.avatar])

@@ -13,7 +13,7 @@ use ghand_capture::cameras::named::read_named_camera;
 use ghand_core::Camera;
 use ghand_files::atomic_file::write_atomically;
 use ghand_files::input_file;
-use ghand_pictures::{Background, Destination, Series, Shot, parse_background, turn_rate};
+use ghand_pictures::{Background, Destination, Format, Series, Shot, parse_background, turn_rate};
 use ghand_render::splat::{Purpose, SplatModel, SplatOptions, Splatter, View, band_rows};
 use ghand_render::{Gpu, buffers};
 use image::ImageFormat;
@@ -22,7 +22,6 @@ use safetensors::tensor::TensorView;
 
 use crate::cli::{AdapterArgs, parse_count, parse_size};
 use crate::command_inputs::{CommandInputs, camera_file};
-use crate::format_args::FormatArgs;
 use crate::pose_choice::parse_fps;
 use crate::say;
 use crate::scene_file::read_scene_file;
@@ -53,8 +52,10 @@ pub struct SplatArgs {
     /// (.gif, .webm, .mp4); or a folder for pictures such as view-03.png, which replace those of an earlier render
     #[arg(long, value_name = "FILE|DIR")]
     out: PathBuf,
-    #[command(flatten)]
-    format: FormatArgs,
+    /// png or exr pictures, or one film: gif, or, with ffmpeg installed, webm or mp4 [default: what --out ends in, else
+    /// png]
+    #[arg(long, value_name = "FORMAT", value_parser = Format::parse)]
+    format: Option<Format>,
     /// Pictures per second of a film [default: one turn in 4 seconds, at most 30]
     #[arg(long, value_name = "N", value_parser = parse_fps)]
     fps: Option<f64>,
@@ -79,7 +80,7 @@ pub struct SplatArgs {
 /// An error that names the file or the option and its problem.
 pub fn run(args: &SplatArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let name = args.scene.file_stem().and_then(|stem| stem.to_str()).unwrap_or("film");
-    let destination = args.format.destination(&args.out, name)?;
+    let destination = Destination::new(&args.out, args.format, name)?;
     if args.up.is_some() && args.turntable.is_none() {
         bail!("--up: is for a turntable; give --turntable, or omit --up");
     }

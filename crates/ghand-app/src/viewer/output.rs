@@ -15,7 +15,6 @@ use ghand_pictures::{Background, Destination, LONGEST_TURN_SECONDS, Series, Shot
 use ghand_render::Gpu;
 use ghand_render::splat::band_rows;
 
-use crate::format_args::FormatArgs;
 use crate::viewer::dialogs::output_dialog::{OutputDialog, OutputKind};
 use crate::viewer::document::Document;
 use crate::viewer::document::file_reader::file_name;
@@ -97,7 +96,7 @@ impl OutputJob {
     /// # Errors
     /// One sentence if the file's name is not that of a picture or a film, or it cannot be written.
     pub fn start(gpu: &Gpu, plan: OutputPlan, path: &Path, context: &Context) -> anyhow::Result<OutputJob> {
-        let destination = FormatArgs::default().destination(path, "film")?;
+        let destination = Destination::new(path, None, "film")?;
         let made = Arc::new(AtomicUsize::new(0));
         let stop = Arc::new(AtomicBool::new(false));
         let (sender, done) = channel();
