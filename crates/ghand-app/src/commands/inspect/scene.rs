@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use ghand_avatar::scene_files::{Antialiasing, SplatScene};
+use ghand_core::statistics::quantile;
 
 /// Names of the stored numbers before the harmonics, in the order of the table.
 const ROWS: [&str; 14] = [
@@ -18,23 +19,18 @@ pub fn describe(path: &Path, scene: &SplatScene) -> String {
     row("Gaussians", scene.count.to_string());
     row("harmonics", format!("degree {}", scene.degree));
     let column = |name: &str| scene.row(ROWS.iter().position(|own| *own == name).unwrap_or(0));
-    let ranges = ["x", "y", "z"].map(|name| Spread::of(column(name)));
+    let ranges = ["x", "y", "z"].map(|name| spread(column(name)));
     if let [Some(x), Some(y), Some(z)] = ranges {
-        row(
-            "extents",
-            format!("({:.4}, {:.4}, {:.4}) to ({:.4}, {:.4}, {:.4})", x.low, y.low, z.low, x.high, y.high, z.high),
-        );
+        let corner = |end: usize| format!("({:.4}, {:.4}, {:.4})", x[end], y[end], z[end]);
+        row("extents", format!("{} to {}", corner(0), corner(2)));
     }
     let sizes = ["scale_0", "scale_1", "scale_2"].into_iter().flat_map(column).map(|logarithm| logarithm.exp());
-    if let Some(size) = Spread::of(sizes) {
-        row("sizes", format!("{:.3e} to {:.3e}, half of them below {:.3e}", size.low, size.high, size.median));
+    if let Some([low, median, high]) = spread(sizes) {
+        row("sizes", format!("{low:.3e} to {high:.3e}, half of them below {median:.3e}"));
     }
     let opacities = column("opacity").map(|logit| 1.0 / (1.0 + (-logit).exp()));
-    if let Some(opacity) = Spread::of(opacities) {
-        row(
-            "opacities",
-            format!("{:.4} to {:.4}, half of them below {:.4}", opacity.low, opacity.high, opacity.median),
-        );
+    if let Some([low, median, high]) = spread(opacities) {
+        row("opacities", format!("{low:.4} to {high:.4}, half of them below {median:.4}"));
     }
     row(
         "antialiasing",
@@ -74,19 +70,8 @@ pub(super) fn file_size(path: &Path) -> String {
     }
 }
 
-/// Range and middle of numbers.
-struct Spread {
-    low: f32,
-    median: f32,
-    high: f32,
-}
-
-impl Spread {
-    /// For the finite ones; `None` if there are none.
-    fn of(values: impl Iterator<Item = f32>) -> Option<Spread> {
-        let mut values: Vec<f32> = values.filter(|value| value.is_finite()).collect();
-        values.sort_by(f32::total_cmp);
-        let (low, high) = (*values.first()?, *values.last()?);
-        Some(Spread { low, median: *values.get(values.len() / 2)?, high })
-    }
+/// The smallest, the middle and the largest of the finite numbers; `None` if there are none.
+fn spread(values: impl Iterator<Item = f32>) -> Option<[f64; 3]> {
+    let values: Vec<f64> = values.filter(|value| value.is_finite()).map(f64::from).collect();
+    (!values.is_empty()).then(|| [0.0, 0.5, 1.0].map(|fraction| quantile(values.iter().copied(), fraction)))
 }
