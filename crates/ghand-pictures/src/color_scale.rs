@@ -22,6 +22,8 @@ const MIDDLE: DVec3 = DVec3::new(0.88, 0.88, 0.88);
 const ABOVE: DVec3 = DVec3::new(0.82, 0.33, 0.0);
 /// The part of the numbers that the colours tell apart. The largest, often single Gaussians, share the last colour.
 const SHOWN: f64 = 0.995;
+/// Limits, as multiples of a power of ten.
+const STEPS: [f64; 8] = [1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0];
 /// Colours of the legend and its text, and height of its letters, pixels.
 const PAPER: [u8; 3] = [255; 3];
 const INK: [u8; 3] = [40, 40, 46];
@@ -45,7 +47,7 @@ impl ColorScale {
     /// Colours for these numbers.
     pub fn new(colors: Colors, values: impl Iterator<Item = f64> + Clone, unit: &'static str) -> ColorScale {
         let sizes = values.map(f64::abs);
-        let limit = round_up(quantile(sizes.clone().filter(|size| *size > 0.0), SHOWN));
+        let limit = round_up(quantile(sizes.clone().filter(|size| *size > 0.0), SHOWN), &STEPS);
         ColorScale { colors, limit, clamped: sizes.fold(0.0, f64::max) > limit, unit }
     }
 
@@ -91,14 +93,13 @@ pub fn diverging(t: f64) -> DVec3 {
     MIDDLE.lerp(if t < 0.0 { BELOW } else { ABOVE }, t.abs().min(1.0))
 }
 
-/// The next larger one of 1, 1.5, 2, 3, 4, 5, 6, 8 and 10 times a power of ten.
-fn round_up(value: f64) -> f64 {
-    if !(value.is_finite() && value > 0.0) {
+/// The next larger one of some ascending numbers from 1 on and of 10, times a power of ten; 1 for what is hardly above 0.
+pub fn round_up(value: f64, steps: &[f64]) -> f64 {
+    if !(value.is_finite() && value > 1e-9) {
         return 1.0;
     }
     let power = 10f64.powf(value.log10().floor());
-    let steps = [1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0];
-    steps.into_iter().find(|step| step * power >= value * (1.0 - 1e-9)).unwrap_or(10.0) * power
+    steps.iter().copied().find(|step| step * power >= value * (1.0 - 1e-9)).unwrap_or(10.0) * power
 }
 
 /// A number with the three digits that it needs at most.
@@ -118,7 +119,7 @@ mod tests {
     #[test]
     fn limits_and_labels_are_round_numbers() {
         assert_eq!(
-            [0.9, 1.0, 1.2, 0.031, 47.0, 9.0, 0.0].map(|v| short(round_up(v))),
+            [0.9, 1.0, 1.2, 0.031, 47.0, 9.0, 0.0].map(|v| short(round_up(v, &STEPS))),
             ["1", "1", "1.5", "0.04", "50", "10", "1"]
         );
         assert_eq!([0.0, 0.375, -1.5, 1234.0, 2e-5].map(short), ["0", "0.375", "-1.5", "1234", "0.00002"]);

@@ -3,6 +3,7 @@
 use std::collections::VecDeque;
 
 use egui::{Color32, FontId, Grid, Pos2, Rect, RichText, Role, Sense, Stroke, Ui, WidgetInfo, pos2, vec2};
+use ghand_pictures::color_scale::round_up;
 
 use crate::viewer::rendering::frame::{Median, STAGES, StageTimes};
 
@@ -17,6 +18,8 @@ const COLORS: [Color32; 6] = [
 ];
 /// Pictures in the plot.
 const SHOWN: usize = 120;
+/// Its heights in milliseconds, as multiples of a power of ten.
+const STEPS: [f64; 3] = [1.0, 2.0, 5.0];
 /// Height of the plot, points.
 const HEIGHT: f32 = 72.0;
 
@@ -55,7 +58,7 @@ impl FrameTimes {
     /// Shows the plot, and the median of each stage below it.
     pub fn show(&self, ui: &mut Ui) {
         let sums: Vec<f64> = self.frames.iter().map(|times| times.iter().sum()).collect();
-        let most = round_up(sums.iter().copied().fold(0.0, f64::max));
+        let most = round_up(sums.iter().copied().fold(0.0, f64::max), &STEPS);
         let (rect, response) = ui.allocate_exact_size(vec2(ui.available_width(), HEIGHT), Sense::hover());
         response.widget_info(|| {
             let text = format!("Times of the last {} pictures, at most {most} milliseconds", sums.len());
@@ -104,15 +107,6 @@ impl FrameTimes {
     }
 }
 
-/// The next larger one of 1, 2 and 5 times a power of ten; 1 for 0.
-fn round_up(value: f64) -> f64 {
-    if !(value.is_finite() && value > 1e-9) {
-        return 1.0;
-    }
-    let power = 10f64.powf(value.log10().floor());
-    [1.0, 2.0, 5.0].into_iter().find(|step| step * power >= value).unwrap_or(10.0) * power
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -132,6 +126,6 @@ mod tests {
 
     #[test]
     fn the_axis_ends_at_a_round_number() {
-        assert_eq!([0.0, 0.7, 1.0, 3.0, 16.0, 70.0].map(round_up), [1.0, 1.0, 1.0, 5.0, 20.0, 100.0]);
+        assert_eq!([0.0, 0.7, 1.0, 3.0, 16.0, 70.0].map(|ms| round_up(ms, &STEPS)), [1.0, 1.0, 1.0, 5.0, 20.0, 100.0]);
     }
 }

@@ -8,6 +8,7 @@ use ghand_core::skeleton::pose_skeleton;
 use ghand_core::skinning::{ResidualWeights, Skinning, skin};
 use ghand_core::statistics::quantile;
 use ghand_core::{Camera, Pose};
+use ghand_pictures::color_scale::round_up;
 use glam::DVec3;
 
 use crate::viewer::stage::legend::{ColorMap, Legend};
@@ -44,6 +45,8 @@ pub enum Layer {
 /// The part of the Gaussians that the colours of offsets tell apart. The largest, often single Gaussians, share the last
 /// colour.
 const SHOWN: f64 = 0.995;
+/// Limits of colours, as multiples of a power of ten: their halves are round numbers.
+const STEPS: [f64; 5] = [1.0, 2.0, 4.0, 6.0, 8.0];
 
 /// The colours of all Gaussians.
 #[derive(Debug, Clone, PartialEq)]
@@ -221,14 +224,14 @@ impl Layer {
 
 /// Colours of numbers that are not negative.
 fn from_zero(title: &str, values: &[f64]) -> LayerColors {
-    let limit = round_up(quantile(values.iter().copied(), SHOWN));
+    let limit = round_up(quantile(values.iter().copied(), SHOWN), &STEPS);
     let clamped = values.iter().any(|value| *value > limit);
     of_numbers(values, [0.0, limit], Legend::linear(title, [0.0, limit], clamped))
 }
 
 /// Colours of numbers on both sides of zero.
 fn around_zero(title: &str, values: &[f64]) -> LayerColors {
-    let limit = round_up(quantile(values.iter().map(|value| value.abs()), SHOWN));
+    let limit = round_up(quantile(values.iter().map(|value| value.abs()), SHOWN), &STEPS);
     let clamped = values.iter().any(|value| value.abs() > limit);
     of_numbers(values, [-limit, limit], Legend::around_zero(title, limit, clamped))
 }
@@ -263,15 +266,6 @@ fn of_numbers(values: &[f64], [low, high]: [f64; 2], legend: Legend) -> LayerCol
 fn rows(colors: impl Iterator<Item = DVec3>) -> Vec<f32> {
     let colors: Vec<[f32; 3]> = colors.map(|color| color.as_vec3().to_array()).collect();
     (0..3).flat_map(|c| colors.iter().map(move |color| color[c])).collect()
-}
-
-/// The next larger one of 1, 2, 4, 6, 8 and 10 times a power of ten, so that its half is a round number; 1 for 0.
-fn round_up(value: f64) -> f64 {
-    if !(value.is_finite() && value > 1e-9) {
-        return 1.0;
-    }
-    let power = 10f64.powf(value.log10().floor());
-    [1.0, 2.0, 4.0, 6.0, 8.0].into_iter().find(|step| step * power >= value * (1.0 - 1e-9)).unwrap_or(10.0) * power
 }
 
 #[cfg(test)]
