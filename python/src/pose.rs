@@ -2,14 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, bail};
 use ghand_app::hand_model_file::HandModelReading;
+use ghand_app::pose_choice::poses_by_name;
 use ghand_capture::cameras::list::read_cameras;
 use ghand_core::rotation::axis_angle_from_rotation;
 use ghand_core::{HandModel, Pose as CorePose, Side};
 use ghand_hand_model::builtin::builtin_hand;
-use ghand_hand_model::named_poses::{POSE_NAMES, named_pose};
-use ghand_motion::motions::{MOTION_NAMES, motion};
 use ghand_motion::pose_sequence::DEFAULT_FPS;
 use ghand_motion::{PoseFrame, PoseOptions, PoseSequence, read_poses as read_file};
 use glam::{DMat3, DQuat, DVec3};
@@ -248,23 +246,8 @@ pub fn read_poses(
 /// # Errors
 /// One sentence with file and field, or with the names that there are.
 pub fn poses_of(source: &Path, model: &HandModel, options: &PoseOptions) -> anyhow::Result<PoseSequence> {
-    let name = source.to_str().unwrap_or_default();
-    let unknown = "the names of the hand's joints do not identify its fingers";
-    if POSE_NAMES.contains(&name) {
-        let pose = if name == "rest" { Some(CorePose::rest(model.joint_count())) } else { named_pose(name, model) };
-        let pose = pose.with_context(|| format!("{name}: {unknown}"))?;
-        let frames = vec![PoseFrame { id: name.into(), pose, shape: vec![] }];
-        return Ok(PoseSequence { fps: DEFAULT_FPS, joint_names: model.joint_names.clone(), frames, warnings: vec![] });
+    match source.to_str().map_or(Ok(None), |text| poses_by_name(text, model, DEFAULT_FPS))? {
+        Some(found) => Ok(found),
+        None => Ok(read_file(source, model, options)?),
     }
-    if let Some(found) = motion(name, model, DEFAULT_FPS) {
-        return Ok(found?);
-    }
-    if !source.exists() && source.extension().is_none() {
-        bail!(
-            "{name:?}: there is no such file, pose or motion; the poses are {}; the motions {}",
-            POSE_NAMES.join(", "),
-            MOTION_NAMES.join(", ")
-        );
-    }
-    Ok(read_file(source, model, options)?)
 }

@@ -27,7 +27,7 @@ def test_wrong_poses_are_refused(hand):
     with_nan = np.zeros((joints, 3))
     with_nan[2, 1] = np.nan
     cases = [
-        ("waving", ghand.Error, "there is no such file, pose or motion"),
+        ("waving", ghand.Error, 'unknown pose "waving"'),
         ("count", ghand.Error, "choose one with frame="),
         ("missing.json", ghand.Error, "missing.json"),
         (np.zeros((joints, 2)), ValueError, r"rotations: has the shape \(25, 2\)"),

@@ -137,21 +137,10 @@ impl PoseReadingArgs {
         {
             bail!("{option}: {text:?} is a pose or motion of ghand, not a file; omit {option}");
         }
-        if POSE_NAMES.contains(&text) {
-            let frame = PoseFrame { id: text.into(), pose: pose_by_name(text, model)?, shape: vec![] };
-            let joint_names = model.joint_names.clone();
-            let fps = self.fps.unwrap_or(DEFAULT_FPS);
-            let sequence = PoseSequence { fps, joint_names, frames: vec![frame], warnings: vec![] };
+        if let Some(sequence) = poses_by_name(text, model, self.fps.unwrap_or(DEFAULT_FPS))? {
             return Ok((sequence, None));
         }
-        if let Some(found) = motion(text, model, self.fps.unwrap_or(DEFAULT_FPS)) {
-            return Ok((found.with_context(|| format!("the motion {text:?}"))?, None));
-        }
         let path = Path::new(text);
-        let is_path = path.extension().is_some() || path.components().count() > 1;
-        if !path.exists() && !is_path {
-            return Err(unknown_name(text));
-        }
         let pose_model = match &self.pose_model {
             Some(path) => {
                 let file = load_hand_model(path, &ReadOptions::default())?;
@@ -218,6 +207,27 @@ pub fn frame_number(frames: &[PoseFrame], wanted: &str) -> anyhow::Result<usize>
             ))
         }
     }
+}
+
+/// A pose or a motion by name; `None` if the text is not a name, but the path of a file.
+///
+/// # Errors
+/// One sentence that lists the names, or says that the hand's joints do not match any of them.
+pub fn poses_by_name(text: &str, model: &HandModel, fps: f64) -> anyhow::Result<Option<PoseSequence>> {
+    if POSE_NAMES.contains(&text) {
+        let frames = vec![PoseFrame { id: text.into(), pose: pose_by_name(text, model)?, shape: vec![] }];
+        let joint_names = model.joint_names.clone();
+        return Ok(Some(PoseSequence { fps, joint_names, frames, warnings: vec![] }));
+    }
+    if let Some(found) = motion(text, model, fps) {
+        return Ok(Some(found.with_context(|| format!("the motion {text:?}"))?));
+    }
+    let path = Path::new(text);
+    let is_path = path.extension().is_some() || path.components().count() > 1;
+    if !path.exists() && !is_path {
+        return Err(unknown_name(text));
+    }
+    Ok(None)
 }
 
 /// The pose of that name.
