@@ -195,13 +195,11 @@ impl CaptureReading {
 /// # Errors
 /// One sentence that names both.
 pub fn check_sides(avatar: &str, side: Side, capture: &Capture) -> anyhow::Result<()> {
-    let name = |side| if side == Side::Left { "left" } else { "right" };
     if side != capture.side {
         bail!(
-            "{avatar}: is a {} hand, but {} shows a {} one; give a capture of the same hand",
-            name(side),
+            "{avatar}: is a {side} hand, but {} shows a {} one; give a capture of the same hand",
             capture.root.display(),
-            name(capture.side)
+            capture.side
         );
     }
     Ok(())

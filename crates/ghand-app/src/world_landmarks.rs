@@ -11,12 +11,7 @@ const PARTS: f64 = 1e5;
 pub fn world_landmarks<'a>(hands: impl Iterator<Item = (Side, &'a TrackedHand)>) -> Map<String, Value> {
     let rounded = |value: f64| (value * PARTS).round() / PARTS;
     let point = |at: &glam::DVec3| json!({"x": rounded(at.x), "y": rounded(at.y), "z": rounded(at.z)});
-    let (names, points): (Vec<&str>, Vec<Vec<Value>>) =
-        hands.map(|(side, hand)| (side_name(side), hand.world.iter().map(point).collect::<Vec<_>>())).unzip();
+    let (names, points): (Vec<String>, Vec<Vec<Value>>) =
+        hands.map(|(side, hand)| (side.to_string(), hand.world.iter().map(point).collect::<Vec<_>>())).unzip();
     Map::from_iter([("handedness".into(), json!(names)), ("worldLandmarks".into(), json!(points))])
-}
-
-/// A side as files name it.
-pub fn side_name(side: Side) -> &'static str {
-    if side == Side::Left { "left" } else { "right" }
 }

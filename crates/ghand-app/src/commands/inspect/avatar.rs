@@ -3,7 +3,6 @@
 use std::path::Path;
 
 use ghand_avatar::Avatar;
-use ghand_core::Side;
 use glam::DVec3;
 use serde::Serialize;
 
@@ -15,8 +14,7 @@ pub fn describe(path: &Path, avatar: &Avatar) -> String {
     let template = &avatar.template;
     let model = &avatar.model;
     let config = &avatar.config;
-    let side = if template.side == Side::Left { "left" } else { "right" };
-    let mut lines = vec![format!("{}: avatar of {}, {side}", path.display(), template.name)];
+    let mut lines = vec![format!("{}: avatar of {}, {}", path.display(), template.name, template.side)];
     let mut row = |name: &str, text: String| lines.push(format!("  {name:<12} {text}").trim_end().to_owned());
     row("file", file_size(path));
     row("Gaussians", format!("{}, {:.2} mm apart on average", template.len(), 1e3 * template.mean_spacing()));

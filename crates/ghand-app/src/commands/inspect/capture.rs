@@ -5,7 +5,6 @@ use std::path::Path;
 use ghand_capture::capture::{Capture, HandModelSource};
 use ghand_capture::inspection::{CaptureInspection, Severity, SplitFacts, Spread, ViewFit};
 use ghand_capture::{Opened, capture};
-use ghand_core::Side;
 use ghand_fit::alignment::results::review::Review;
 
 use super::contact_sheet::SheetView;
@@ -24,7 +23,7 @@ pub fn describe(
     views: &[SheetView],
 ) -> String {
     let capture = &opened.capture;
-    let mut lines = vec![format!("{}: {}, {} hand", path.display(), opened.kind, side(capture))];
+    let mut lines = vec![format!("{}: {}, {} hand", path.display(), opened.kind, capture.side)];
     let mut rows = |name: &str, texts: Vec<String>| {
         for (i, text) in texts.into_iter().enumerate() {
             lines.push(format!("  {:<12} {text}", if i == 0 { name } else { "" }).trim_end().to_owned());
@@ -76,13 +75,6 @@ fn fitted(review: &Review) -> String {
         given.overlap,
         100.0 * review.size
     )
-}
-
-fn side(capture: &Capture) -> &'static str {
-    match capture.side {
-        Side::Right => "right",
-        Side::Left => "left",
-    }
 }
 
 fn hand_model(capture: &Capture) -> String {

@@ -5,7 +5,7 @@ use ghand_footage::Footage;
 use serde_json::{Map, Value, json};
 
 use super::seen_hands::SeenHands;
-use crate::world_landmarks::{self, side_name};
+use crate::world_landmarks;
 
 /// Landmarks in space, as MediaPipe names them: of `side`, or of both hands. Pictures without a hand have none, so that
 /// gaps stay gaps.
@@ -45,7 +45,7 @@ fn file(footage: &Footage, side: Option<Side>, frame: impl Fn(usize) -> Value) -
         file.insert("fps".into(), json!(rounded(footage.rate(), 1e4)));
     }
     if let Some(side) = side {
-        file.insert("side".into(), json!(side_name(side)));
+        file.insert("side".into(), json!(side.to_string()));
     }
     file.insert("frames".into(), (0..footage.times().len()).map(frame).collect());
     Value::Object(file)

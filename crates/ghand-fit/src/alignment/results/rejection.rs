@@ -37,10 +37,9 @@ pub enum Rejection {
     },
     /// The masks show the other hand.
     #[error(
-        "the masks fit a {other} hand better than the {own} one of the hand model; correct the capture's side and its hand \
+        "the masks fit a {other} hand better than the {side} one of the hand model; correct the capture's side and its hand \
          model, or the images if they are mirrored",
-        own = name(*side),
-        other = name(side.other())
+        other = side.other()
     )]
     OtherHand {
         /// The side of the hand model.
@@ -64,13 +63,6 @@ pub enum Rejection {
          without the hand"
     )]
     NotBetter,
-}
-
-fn name(side: Side) -> &'static str {
-    match side {
-        Side::Right => "right",
-        Side::Left => "left",
-    }
 }
 
 /// Largest median distance of the contours, relative to the size of the masks. Good fits are below 0.02, even with masks
