@@ -59,7 +59,7 @@ impl Viewer {
 
     /// The subject.
     pub fn subject_mut(&mut self) -> &mut Subject {
-        self.document.subject_mut()
+        &mut self.document.subject
     }
 
     /// Uses these settings; changes are kept in the file, if there is one.
@@ -69,7 +69,7 @@ impl Viewer {
 
     /// The settings.
     pub fn settings_mut(&mut self) -> &mut Settings {
-        self.session.settings_mut()
+        &mut self.session.settings
     }
 
     /// Keeps the settings for the next start.
@@ -103,22 +103,22 @@ impl Viewer {
         }
         self.gpu().wait()?;
         self.collect();
-        self.stage.truth().wait();
-        match self.stage.canvas_mut().take_failure() {
+        self.stage.truth.wait();
+        match self.stage.canvas.take_failure() {
             Some(failure) => Err(failure),
-            None => Ok(self.stage.canvas().shown().is_some() && !self.stage.is_comparing(self.document.capture())),
+            None => Ok(self.stage.canvas.shown().is_some() && !self.stage.is_comparing(self.document.capture())),
         }
     }
 
     /// Runs the user interface; the picture is drawn through `renderer`.
     pub fn ui(&mut self, ui: &mut Ui, renderer: &mut egui_wgpu::Renderer) {
         let progress = self.collect();
-        ui.ctx().set_theme(self.session.settings().theme.preference());
+        ui.ctx().set_theme(self.session.settings.theme.preference());
         self.open_files(ui.ctx());
         self.save_chosen(ui.ctx());
         self.run_pressed(ui.ctx());
         self.follow_thumbnails(ui.ctx(), progress);
-        if self.session.settings().panel_shown {
+        if self.session.settings.panel_shown {
             Panel::left("controls").resizable(false).exact_size(PANEL_WIDTH).show(ui, |ui| {
                 self.menu_bar(ui);
                 ui.separator();
@@ -126,11 +126,11 @@ impl Viewer {
             });
         }
         self.follow_key_buttons(ui.ctx());
-        self.document.subject_mut().advance(ui.ctx());
+        self.document.subject.advance(ui.ctx());
         self.advance_live(ui.ctx());
         self.stage.advance_turntable(ui.ctx());
         CentralPanel::default().frame(Frame::NONE).show(ui, |ui| {
-            let viewport = Viewport::of(ui, self.session.settings().adaptive);
+            let viewport = Viewport::of(ui, self.session.settings.adaptive);
             self.view(ui, renderer, &viewport, progress);
         });
         self.overlays(ui.ctx());
@@ -141,7 +141,7 @@ impl Viewer {
 
     /// Handles a finished picture.
     fn collect(&mut self) -> Progress {
-        let progress = self.stage.canvas_mut().collect();
+        let progress = self.stage.canvas.collect();
         if progress == Progress::Complete {
             self.live.picture_complete();
         }

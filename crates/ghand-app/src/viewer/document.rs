@@ -38,7 +38,7 @@ const FILE_ENDINGS: [&str; 8] = ["ghand", "ply", "spz", "splat", "glb", "gltf", 
 
 /// What is open.
 pub struct Document {
-    subject: Subject,
+    pub(in crate::viewer) subject: Subject,
     source: String,
     /// The file that is read again whenever it changes.
     watched: Option<WatchedFile>,
@@ -63,16 +63,6 @@ impl Document {
             capture: None,
             reader: FileReader::default(),
         }
-    }
-
-    /// The subject.
-    pub fn subject(&self) -> &Subject {
-        &self.subject
-    }
-
-    /// The subject, to change it.
-    pub fn subject_mut(&mut self) -> &mut Subject {
-        &mut self.subject
     }
 
     /// Where the subject is from.

@@ -41,11 +41,11 @@ pub struct OutputPlan {
 impl OutputPlan {
     /// The pictures that were asked for of what is on the stage.
     pub fn new(asked: &OutputDialog, document: &Document, stage: &Stage) -> OutputPlan {
-        let behind = stage.canvas().shown().map_or([0.0; 3], |shown| shown.background);
+        let behind = stage.canvas.shown().map_or([0.0; 3], |shown| shown.background);
         let background = if asked.transparent { Background::Transparent } else { Background::Color(behind) };
-        let inputs = |camera| stage::inputs(document.subject(), camera, background.color());
+        let inputs = |camera| stage::inputs(&document.subject, camera, background.color());
         let size = asked.size;
-        let camera = stage.camera();
+        let camera = &stage.camera;
         let mut fps = DEFAULT_FPS;
         let pictures = match asked.kind {
             OutputKind::Picture => vec![inputs(camera.camera(size))],
@@ -72,12 +72,12 @@ impl OutputPlan {
                 }
             },
         };
-        let colors = match (stage.canvas().colors(), asked.kind) {
+        let colors = match (stage.canvas.colors(), asked.kind) {
             // The colours of numbers are those of this pose.
             (GaussianColors::Given(_), OutputKind::Motion) => GaussianColors::Own,
             (colors, _) => colors.clone(),
         };
-        OutputPlan { subject: document.subject().drawn(), pictures, colors, background, fps }
+        OutputPlan { subject: document.subject.drawn(), pictures, colors, background, fps }
     }
 }
 

@@ -18,7 +18,7 @@ use ghand_avatar::orbit_camera::ViewPoint;
 /// Settings and messages.
 #[derive(Default)]
 pub struct Session {
-    settings: Settings,
+    pub(in crate::viewer) settings: Settings,
     /// Where the settings are kept; `None` if they are not.
     path: Option<PathBuf>,
     toasts: Toasts,
@@ -39,16 +39,6 @@ impl Session {
     /// Uses these settings; changes are kept in the file, if there is one.
     pub fn use_settings(&mut self, settings: Settings, path: Option<PathBuf>) {
         (self.settings, self.path) = (settings, path);
-    }
-
-    /// The settings.
-    pub fn settings(&self) -> &Settings {
-        &self.settings
-    }
-
-    /// The settings, to change them.
-    pub fn settings_mut(&mut self) -> &mut Settings {
-        &mut self.settings
     }
 
     /// Keeps the settings for the next start.

@@ -55,12 +55,12 @@ const LIGHT_BACKGROUND: [u8; 3] = [222, 225, 229];
 
 /// What is on the screen.
 pub struct Stage {
-    canvas: Canvas,
-    camera: OrbitCamera,
+    pub(in crate::viewer) canvas: Canvas,
+    pub(in crate::viewer) camera: OrbitCamera,
     pointer: Pointer,
     turntable: Turntable,
-    layers: LayerView,
-    truth: TruthView,
+    pub(in crate::viewer) layers: LayerView,
+    pub(in crate::viewer) truth: TruthView,
     /// Colour behind the subject; `None` for that of the theme.
     background: Option<[u8; 3]>,
 }
@@ -114,36 +114,6 @@ impl Stage {
         self.canvas.gpu()
     }
 
-    /// The picture.
-    pub fn canvas(&self) -> &Canvas {
-        &self.canvas
-    }
-
-    /// The picture, to measure it or to follow it.
-    pub fn canvas_mut(&mut self) -> &mut Canvas {
-        &mut self.canvas
-    }
-
-    /// The layers.
-    pub fn layers(&self) -> &LayerView {
-        &self.layers
-    }
-
-    /// The layers, to choose some.
-    pub fn layers_mut(&mut self) -> &mut LayerView {
-        &mut self.layers
-    }
-
-    /// The comparison with the capture's images.
-    pub fn truth(&self) -> &TruthView {
-        &self.truth
-    }
-
-    /// The comparison with the capture's images, to choose it.
-    pub fn truth_mut(&mut self) -> &mut TruthView {
-        &mut self.truth
-    }
-
     /// Logs how long after `start` the first picture is done.
     pub fn log_start(&mut self, start: Instant) {
         self.canvas.pace_mut().log_start(start);
@@ -168,11 +138,6 @@ impl Stage {
 
 /// The camera.
 impl Stage {
-    /// The camera.
-    pub fn camera(&self) -> &OrbitCamera {
-        &self.camera
-    }
-
     /// The initial view of the subject.
     pub fn reset_view(&mut self, subject: &Subject) {
         self.camera = subject.first_view();
@@ -347,7 +312,7 @@ impl Stage {
             }
         }
         if response.double_clicked() {
-            self.reset_view(document.subject());
+            self.reset_view(&document.subject);
         }
     }
 
@@ -361,7 +326,7 @@ impl Stage {
         let background = (layer.background())
             .or_else(|| self.background_of_truth(document.capture()))
             .unwrap_or_else(|| self.background_color(ui).map(|v| f32::from(v) / 255.0));
-        let mut inputs = inputs(document.subject(), camera, background);
+        let mut inputs = inputs(&document.subject, camera, background);
         self.canvas.follow(&inputs, ui);
         // Its size may be another one now.
         inputs.camera = self.camera.camera(self.canvas.size(viewport));
@@ -396,7 +361,7 @@ impl Stage {
             self.paint_truth(ui, viewport, capture, session);
         }
         self.canvas.paint_scale(ui, rect);
-        self.canvas.paint_times(ui, rect, session.settings().panel_shown);
+        self.canvas.paint_times(ui, rect, session.settings.panel_shown);
         let screen = self.screen(viewport);
         if let Some(hand) = document.hand() {
             self.layers.paint_lines(ui, hand, &screen);
@@ -405,7 +370,7 @@ impl Stage {
             self.layers.paint_legend(ui, rect, document.avatar());
         }
         if let Some(hand) = document.hand_mut() {
-            self.pointer.paint_handles(ui, hand, &screen, session.settings());
+            self.pointer.paint_handles(ui, hand, &screen, &session.settings);
         }
     }
 
@@ -457,12 +422,4 @@ pub fn inputs(subject: &Subject, camera: Camera, background: [f32; 3]) -> Pictur
 
 fn points(by: Vec2) -> DVec2 {
     DVec2::new(by.x.into(), by.y.into())
-}
-
-#[cfg(test)]
-impl Stage {
-    /// The camera, to move it as the pointer does.
-    pub(crate) fn camera_mut(&mut self) -> &mut OrbitCamera {
-        &mut self.camera
-    }
 }

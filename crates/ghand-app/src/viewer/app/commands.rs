@@ -49,7 +49,7 @@ impl Viewer {
         let document = &mut self.document;
         let stage = &mut self.stage;
         let session = &mut self.session;
-        let subject = document.subject();
+        let subject = &document.subject;
         match id {
             CommandId::Open => self.dialogs.ask_for_file(context),
             CommandId::SavePicture => self.ask_for_output(OutputKind::Picture),
@@ -67,8 +67,8 @@ impl Viewer {
                 }
             }
             CommandId::PastePose => context.send_viewport_cmd(ViewportCommand::RequestPaste),
-            CommandId::ShowHandles => toggle(&mut session.settings_mut().handles_shown),
-            CommandId::ShowThumbnails => toggle(&mut session.settings_mut().thumbnails_shown),
+            CommandId::ShowHandles => toggle(&mut session.settings.handles_shown),
+            CommandId::ShowThumbnails => toggle(&mut session.settings.thumbnails_shown),
             CommandId::Play => document.edit_hand(Hand::play_or_pause),
             CommandId::SetKey => self.set_key(),
             CommandId::DeleteKey => document.edit_hand(Hand::delete_key),
@@ -99,16 +99,16 @@ impl Viewer {
             CommandId::PreviousCamera => self.step_camera(-1),
             CommandId::NextCamera => self.step_camera(1),
             CommandId::Measure => {
-                let is_measured = stage.canvas().is_measured();
-                stage.canvas_mut().set_measured(!is_measured);
+                let is_measured = stage.canvas.is_measured();
+                stage.canvas.set_measured(!is_measured);
             }
-            CommandId::AdaptDetail => toggle(&mut session.settings_mut().adaptive),
+            CommandId::AdaptDetail => toggle(&mut session.settings.adaptive),
             CommandId::SwitchTheme => {
-                let theme = session.settings().theme.next();
-                session.settings_mut().theme = theme;
+                let theme = session.settings.theme.next();
+                session.settings.theme = theme;
                 session.note(format!("Theme: {}", choice_name(theme)));
             }
-            CommandId::ShowPanel => toggle(&mut session.settings_mut().panel_shown),
+            CommandId::ShowPanel => toggle(&mut session.settings.panel_shown),
             CommandId::ShowLayer(layer) => self.show_layer(layer),
             CommandId::DrawOverlay(overlay) => self.toggle_overlay(overlay),
             CommandId::Compare(comparison) => self.compare(comparison),
@@ -242,18 +242,18 @@ impl Viewer {
     /// The state of a command that switches something on and off.
     fn is_on(&self, id: CommandId) -> Option<bool> {
         let stage = &self.stage;
-        let settings = self.session.settings();
+        let settings = &self.session.settings;
         match id {
-            CommandId::Measure => Some(stage.canvas().is_measured()),
+            CommandId::Measure => Some(stage.canvas.is_measured()),
             CommandId::AdaptDetail => Some(settings.adaptive),
             CommandId::ShowPanel => Some(settings.panel_shown),
             CommandId::ShowThumbnails => Some(settings.thumbnails_shown),
             CommandId::ShowHandles => Some(settings.handles_shown),
             CommandId::SwitchProjection => Some(stage.is_orthographic()),
             CommandId::Turntable => Some(stage.is_turning()),
-            CommandId::ShowLayer(layer) => Some(stage.layers().layer(self.document.avatar()) == layer),
-            CommandId::DrawOverlay(overlay) => Some(stage.layers().has_overlay(overlay)),
-            CommandId::Compare(comparison) => Some(stage.truth().comparison() == comparison),
+            CommandId::ShowLayer(layer) => Some(stage.layers.layer(self.document.avatar()) == layer),
+            CommandId::DrawOverlay(overlay) => Some(stage.layers.has_overlay(overlay)),
+            CommandId::Compare(comparison) => Some(stage.truth.comparison() == comparison),
             CommandId::CapturePoses => {
                 Some(self.document.capture().is_some_and(|capture| capture.poses().are_of_training()))
             }
@@ -310,7 +310,7 @@ impl Viewer {
                 MOTION_NAMES.iter().map(|name| entry("Motion", name, "Plays this motion.", Action::Motion(name)));
             entries.extend(poses.chain(motions));
         }
-        for SavedView { name, .. } in &self.session.settings().views {
+        for SavedView { name, .. } in &self.session.settings.views {
             let entry = |title: String, summary: &str, action| Entry {
                 title,
                 remark: String::new(),
@@ -321,7 +321,7 @@ impl Viewer {
             let delete = Action::DeleteView(name.clone());
             entries.push(entry(format!("Delete view: {name}"), "Deletes this saved view.", delete));
         }
-        entries.extend(self.session.settings().recent.iter().map(|path| Entry {
+        entries.extend(self.session.settings.recent.iter().map(|path| Entry {
             title: format!("Open: {}", file_name(path)),
             remark: String::new(),
             summary: path.display().to_string(),

@@ -11,19 +11,19 @@ impl Viewer {
         self.live.controls(ui);
         self.capture_controls(ui);
         if let Some(hand) = self.document.hand() {
-            self.stage.layers_mut().controls(ui, hand);
+            self.stage.layers.controls(ui, hand);
         }
-        if self.document.subject_mut().controls(ui) {
+        if self.document.subject.controls(ui) {
             ui.separator();
         }
 
         ui.label(RichText::new("View").strong());
-        self.stage.side_buttons(ui, self.document.subject());
+        self.stage.side_buttons(ui, &self.document.subject);
         self.saved_views(ui);
-        self.stage.camera_controls(ui, self.document.subject());
+        self.stage.camera_controls(ui, &self.document.subject);
         ui.horizontal(|ui| {
             if ui.button("Reset view").clicked() {
-                self.stage.reset_view(self.document.subject());
+                self.stage.reset_view(&self.document.subject);
             }
             if ui.button("Reset all").clicked() {
                 self.reset_all();
@@ -32,7 +32,7 @@ impl Viewer {
         let hint = "Drag to rotate, right-drag to move, scroll to zoom. F1 lists all keys.";
         ui.label(RichText::new(hint).weak());
         ui.separator();
-        self.stage.canvas_mut().figures(ui);
+        self.stage.canvas.figures(ui);
     }
 
     /// The controls of a capture, if there is one.

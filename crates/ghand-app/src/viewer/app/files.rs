@@ -74,7 +74,7 @@ impl Viewer {
             Contents::Subject(subject, source, run) => {
                 self.show_subject(*subject, &source)?;
                 self.document.begin(&source, run);
-                self.stage.reset_view(self.document.subject());
+                self.stage.reset_view(&self.document.subject);
             }
             Contents::Capture(capture) => self.show_capture(*capture),
             Contents::Poses(sequence, keys) => {
@@ -105,7 +105,7 @@ impl Viewer {
     /// Shows another file of what is shown; pose, shape, motion and view stay.
     fn show_again(&mut self, contents: Contents, path: &Path) -> anyhow::Result<()> {
         let Contents::Subject(mut subject, ..) = contents else { return Ok(()) };
-        subject.continue_from(self.document.subject());
+        subject.continue_from(&self.document.subject);
         self.show_subject(*subject, path)?;
         if let Err(error) = self.document.renew_trained_poses() {
             self.session.note(format!("{error:#}"));
@@ -123,7 +123,7 @@ impl Viewer {
 
     /// The menu of recent files.
     pub(super) fn recent_menu(&mut self, ui: &mut Ui) {
-        let recent = self.session.settings().recent.clone();
+        let recent = self.session.settings.recent.clone();
         ui.add_enabled_ui(!recent.is_empty(), |ui| {
             ui.menu_button("Open recent", |ui| {
                 for path in recent {

@@ -18,7 +18,7 @@ const SIZE: [u32; 2] = [1280, 800];
 impl Viewer {
     /// Asks what to save of the view.
     pub(super) fn ask_for_output(&mut self, kind: OutputKind) {
-        self.dialogs.ask_for_output(kind, self.stage.canvas().texture_size().unwrap_or(SIZE));
+        self.dialogs.ask_for_output(kind, self.stage.canvas.texture_size().unwrap_or(SIZE));
     }
 
     /// Saves to the file that was chosen.

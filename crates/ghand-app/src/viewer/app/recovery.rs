@@ -27,7 +27,7 @@ impl Viewer {
             if result.is_ok() || !self.is_lost() {
                 return result;
             }
-            losses = if self.stage.canvas().has_times() { 1 } else { losses + 1 };
+            losses = if self.stage.canvas.has_times() { 1 } else { losses + 1 };
             if losses > MOST_LOSSES {
                 return result;
             }
@@ -37,7 +37,7 @@ impl Viewer {
     }
 
     fn renew(&mut self) -> anyhow::Result<()> {
-        self.stage.renew(self.document.subject())?;
+        self.stage.renew(&self.document.subject)?;
         self.document.forget_pictures();
         Ok(())
     }
@@ -73,7 +73,7 @@ mod tests {
     #[test]
     fn a_viewer_shows_the_same_picture_after_a_device_loss() {
         let mut viewer = viewer();
-        viewer.stage.camera_mut().zoom(1.5);
+        viewer.stage.camera.zoom(1.5);
         let before = shot(&mut viewer);
         let lost = viewer.gpu().clone();
         lost.device.destroy();

@@ -78,11 +78,11 @@ impl Headless {
     }
 
     fn canvas(&mut self) -> &mut Canvas {
-        self.viewer().stage.canvas_mut()
+        &mut self.viewer().stage.canvas
     }
 
     fn camera(&mut self) -> &mut OrbitCamera {
-        self.viewer().stage.camera_mut()
+        &mut self.viewer().stage.camera
     }
 
     fn hand(&mut self) -> &mut Hand {

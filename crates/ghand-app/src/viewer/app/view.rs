@@ -25,10 +25,10 @@ impl Viewer {
         viewport: &Viewport,
         mut progress: Progress,
     ) {
-        let handles_shown = self.session.settings().handles_shown;
+        let handles_shown = self.session.settings.handles_shown;
         self.stage.navigate(ui, viewport, &mut self.document, handles_shown);
         let inputs = self.stage.inputs(ui, viewport, &self.document);
-        if progress == Progress::Busy && self.gpu().is_cpu() && self.stage.canvas().is_outdated(&inputs) {
+        if progress == Progress::Busy && self.gpu().is_cpu() && self.stage.canvas.is_outdated(&inputs) {
             // One processor draws the picture and the user interface: drawing the latter twice would only delay the
             // next picture.
             progress = match self.gpu().wait() {
@@ -36,7 +36,7 @@ impl Viewer {
                 Err(_) => progress,
             };
         }
-        let is_outdated = self.stage.canvas().is_outdated(&inputs);
+        let is_outdated = self.stage.canvas.is_outdated(&inputs);
         if is_outdated && progress != Progress::Busy && self.stage.render(inputs, viewport, &self.document, renderer) {
             self.live.picture_started();
         }
@@ -46,23 +46,23 @@ impl Viewer {
         }
         self.stage.paint(ui, viewport, &mut self.document, &mut self.session);
         drop_hint(ui, viewport.rect);
-        if !self.session.settings().panel_shown {
+        if !self.session.settings.panel_shown {
             self.panel_button(ui, viewport.rect);
         }
-        self.stage.canvas().paint_failure(ui, viewport.rect);
+        self.stage.canvas.paint_failure(ui, viewport.rect);
     }
 
     /// The button that shows the panel again.
     fn panel_button(&mut self, ui: &mut Ui, rect: Rect) {
         let place = Rect::from_min_size(rect.min + vec2(8.0, 8.0), vec2(52.0, 24.0));
         if ui.put(place, Button::new("Panel")).on_hover_text("Show the panel (N)").clicked() {
-            self.session.settings_mut().panel_shown = true;
+            self.session.settings.panel_shown = true;
         }
     }
 
     /// Has pictures of the named poses made while nothing moves.
     pub(super) fn follow_thumbnails(&mut self, context: &Context, progress: Progress) {
-        let settings = self.session.settings();
+        let settings = &self.session.settings;
         let is_shown = settings.thumbnails_shown && settings.panel_shown;
         let is_busy = self.stage.is_working(progress)
             || self.live.is_receiving()
@@ -96,7 +96,7 @@ impl Viewer {
     pub(super) fn advance_live(&mut self, context: &Context) {
         match self.live.advance(&mut self.document, context) {
             None | Some(LiveEvent::Begun(PacketKind::Pose)) => {}
-            Some(LiveEvent::Begun(_)) => self.stage.look_as_tracker(self.document.subject()),
+            Some(LiveEvent::Begun(_)) => self.stage.look_as_tracker(&self.document.subject),
             Some(LiveEvent::Paused) => self.session.note(PAUSED),
             Some(LiveEvent::Failed(problem)) => self.session.error(&problem),
         }

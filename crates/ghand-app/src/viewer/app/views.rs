@@ -21,7 +21,7 @@ impl Viewer {
         let has_sides = self.document.hand().is_some();
         if let (Some(side), true) = (ViewSide::of(name), has_sides) {
             self.stage.set_turning(false);
-            self.stage.look_from(side, self.document.subject());
+            self.stage.look_from(side, &self.document.subject);
             return Ok(());
         }
         if let Some(view) = self.session.view(name) {
@@ -30,7 +30,7 @@ impl Viewer {
         }
         let sides = ViewSide::ALL.into_iter().filter(|_| has_sides).map(ViewSide::name);
         let mut names: Vec<&str> = sides.collect();
-        names.extend(self.session.settings().views.iter().map(|view| view.name.as_str()));
+        names.extend(self.session.settings.views.iter().map(|view| view.name.as_str()));
         match names.is_empty() {
             true => bail!("there is no view {name:?}; none has been saved"),
             false => bail!("there is no view {name:?}, only {}", names.join(", ")),
@@ -46,7 +46,7 @@ impl Viewer {
 
     /// Saves the present view under a name; if it cannot be kept, asks for another one.
     pub(super) fn save_view(&mut self, name: &str) {
-        match self.session.save_view(name, self.stage.camera().view_point()) {
+        match self.session.save_view(name, self.stage.camera.view_point()) {
             Ok(()) => self.session.note(format!("The view is saved as {}.", name.trim())),
             Err(problem) => {
                 self.session.note(problem);
@@ -74,8 +74,8 @@ impl Viewer {
 
     /// Everything as at the start.
     pub(super) fn reset_all(&mut self) {
-        self.document.subject_mut().reset();
-        self.stage.reset(self.document.subject());
+        self.document.subject.reset();
+        self.stage.reset(&self.document.subject);
     }
 
     /// Shows the cameras of a capture, and the view of the first of them.
@@ -83,7 +83,7 @@ impl Viewer {
         for remark in self.document.take_capture(capture) {
             self.session.note(remark);
         }
-        self.stage.truth_mut().forget_images();
+        self.stage.truth.forget_images();
         self.look_through_camera();
     }
 
@@ -108,12 +108,12 @@ impl Viewer {
 
     /// Chooses what is shown of picture and truth.
     pub fn compare(&mut self, comparison: Comparison) {
-        self.stage.truth_mut().choose(comparison);
+        self.stage.truth.choose(comparison);
     }
 
     /// Chooses what the colours show. If the avatar lacks it, a message says why.
     pub fn show_layer(&mut self, layer: Layer) {
-        if let Err(reason) = self.stage.layers_mut().choose(layer, self.document.avatar()) {
+        if let Err(reason) = self.stage.layers.choose(layer, self.document.avatar()) {
             self.session.note(reason);
         }
     }
@@ -125,18 +125,18 @@ impl Viewer {
 
     /// Chooses the shape basis that is shown, counted from 1, and whether there is such a basis.
     pub fn choose_basis(&mut self, number: usize) -> bool {
-        self.stage.layers_mut().choose_basis(number, self.document.avatar())
+        self.stage.layers.choose_basis(number, self.document.avatar())
     }
 
     /// Chooses the joint whose weights are shown, and whether there is such a joint.
     pub fn choose_joint(&mut self, name: &str) -> bool {
         let found = self.document.hand().and_then(|hand| hand.model().joint_index(name));
-        found.into_iter().for_each(|joint| self.stage.layers_mut().choose_joint(joint));
+        found.into_iter().for_each(|joint| self.stage.layers.choose_joint(joint));
         found.is_some()
     }
 
     /// Draws lines over the view, or stops.
     pub fn toggle_overlay(&mut self, overlay: Overlay) {
-        self.stage.layers_mut().toggle_overlay(overlay);
+        self.stage.layers.toggle_overlay(overlay);
     }
 }

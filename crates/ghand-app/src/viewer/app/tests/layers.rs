@@ -69,7 +69,7 @@ impl Shown {
         (0..4).for_each(|_| _ = ui.frame(Vec::new()));
         assert!(ui.viewer().finish().unwrap());
         let viewer = ui.viewer();
-        assert_eq!(viewer.stage.layers().layer(viewer.document.avatar()), layer);
+        assert_eq!(viewer.stage.layers.layer(viewer.document.avatar()), layer);
         let gpu = ui.viewer().gpu().clone();
         let texture = ui.canvas().picture().texture().unwrap();
         let size = [texture.width(), texture.height()];
@@ -96,7 +96,7 @@ impl Shown {
     }
 
     fn title(&mut self) -> String {
-        self.ui.viewer().stage.layers().legend().map(|legend| legend.title.clone()).unwrap_or_default()
+        self.ui.viewer().stage.layers.legend().map(|legend| legend.title.clone()).unwrap_or_default()
     }
 }
 
@@ -234,7 +234,7 @@ fn a_layer_that_an_avatar_lacks_is_explained_and_not_shown() {
         ui.frame(Vec::new());
         ui.frame(Vec::new());
         let viewer = ui.viewer();
-        assert_eq!(viewer.stage.layers().layer(viewer.document.avatar()), Layer::Skin);
+        assert_eq!(viewer.stage.layers.layer(viewer.document.avatar()), Layer::Skin);
         assert!(ui.harness.query_by_label_contains(said).is_some(), "{layer:?}: no message");
         assert!(ui.viewer().missing_layer(layer).is_some());
     }

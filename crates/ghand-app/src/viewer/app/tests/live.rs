@@ -182,7 +182,7 @@ fn a_scene_has_no_live_poses() {
     let mut ui = viewer();
     *ui.viewer().subject_mut() = small_scene();
     let viewer = ui.viewer();
-    viewer.live.subject_changed(viewer.document.subject());
+    viewer.live.subject_changed(&viewer.document.subject);
     assert!(ui.viewer().live.live().is_none());
     ui.press(Modifiers::COMMAND, Key::L);
     assert!(ui.viewer().live.live().is_none());

@@ -85,9 +85,8 @@ fn put_picture_into_capture(ui: &mut Headless) {
     let capture = panel.capture().clone();
     let (camera_index, frame) = panel.chosen_indices().unwrap();
     let background = capture.background.map(|v| v as f32);
-    let inputs =
-        PictureInputs { camera: camera.clone(), background, ..viewer.stage.canvas().shown().cloned().unwrap() };
-    let bytes = drawn(viewer.stage.canvas_mut(), &inputs).unwrap().into_flattened();
+    let inputs = PictureInputs { camera: camera.clone(), background, ..viewer.stage.canvas.shown().cloned().unwrap() };
+    let bytes = drawn(&mut viewer.stage.canvas, &inputs).unwrap().into_flattened();
     let image = image::RgbImage::from_raw(camera.width, camera.height, bytes).unwrap();
     image.save(capture.image_file(camera_index, frame).unwrap()).unwrap();
     let mask = image::GrayImage::from_pixel(camera.width, camera.height, image::Luma([255]));
@@ -111,7 +110,7 @@ fn a_picture_differs_from_the_capture_but_not_from_itself() {
     assert!((5.0..40.0).contains(&other), "{other} dB");
     assert!(ui.harness.query_by_label_contains("display values").is_some(), "the legend is missing");
     put_picture_into_capture(&mut ui);
-    ui.viewer().stage.truth_mut().forget_images();
+    ui.viewer().stage.truth.forget_images();
     settle(&mut ui);
     // Half a grey level in one of 60 x 80 x 3 values.
     assert!(psnr(&ui) > 90.0, "{} dB", psnr(&ui));
@@ -121,13 +120,13 @@ fn a_picture_differs_from_the_capture_but_not_from_itself() {
 fn the_truth_is_read_only_when_it_is_asked_for_and_not_beside_the_camera() {
     let folder = tempfile::tempdir().unwrap();
     let mut ui = viewer(folder.path());
-    assert!(ui.viewer().stage.truth().texture().is_none());
+    assert!(ui.viewer().stage.truth.texture().is_none());
     ui.click("truth");
     settle(&mut ui);
-    assert_eq!(ui.viewer().stage.truth().texture(), Some((0, 0)));
+    assert_eq!(ui.viewer().stage.truth.texture(), Some((0, 0)));
     ui.viewer().step_camera(1);
     settle(&mut ui);
-    assert_eq!(ui.viewer().stage.truth().texture(), Some((1, 0)));
+    assert_eq!(ui.viewer().stage.truth.texture(), Some((1, 0)));
     ui.camera().orbit(DVec2::new(30.0, 0.0));
     settle(&mut ui);
     assert!(ui.harness.query_by_label_contains(" dB").is_none());
