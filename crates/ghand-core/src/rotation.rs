@@ -1,4 +1,4 @@
-//! Rotations as axis-angle vectors (Rodrigues' formula), their inverse, and the derivatives of both.
+//! Rotations as axis-angle vectors (Rodrigues' formula) with their derivative, and their inverse.
 
 use glam::{DMat3, DVec3, DVec4, Vec4Swizzles};
 
@@ -171,45 +171,4 @@ fn quaternion_from_rotation(r: &DMat3) -> DVec4 {
         _ => DVec4::new(zx, yz, squares[3], vee.z),
     };
     row * (0.5 / squares[largest].sqrt())
-}
-
-/// dL/dR from dL/dv for `v = axis_angle_from_rotation(R)`.
-///
-/// A rotation can only change along the manifold of rotations. Of all matrices with the same effect on such changes,
-/// this is the one in the tangent space.
-pub fn axis_angle_from_rotation_vjp(rotation: &DMat3, d_axis_angle: DVec3) -> DMat3 {
-    let v = axis_angle_from_rotation(rotation);
-    // R exp([w]x) has the logarithm v + J^-1 w with J^-1 = 1 + [v]x / 2 + c [v]x^2, c = 1/s - (1 + cos) / (2 angle
-    // sin); <R [u]x, R [w]x> = 2 u . w.
-    let c = inverse_jacobian_coefficient(v.length_squared());
-    let turned = d_axis_angle.cross(v);
-    let u = d_axis_angle + 0.5 * turned + c * turned.cross(v);
-    let half = 0.5 * u;
-    *rotation
-        * DMat3::from_cols(
-            DVec3::new(0.0, half.z, -half.y),
-            DVec3::new(-half.z, 0.0, half.x),
-            DVec3::new(half.y, -half.x, 0.0),
-        )
-}
-
-/// `(1 - (angle / 2) cot(angle / 2)) / angle^2` for angles up to pi, from the squared angle.
-fn inverse_jacobian_coefficient(s: f64) -> f64 {
-    if s < SERIES_BELOW {
-        // sum |B_2k| s^(k-1) / (2k)! with Bernoulli's numbers; the first omitted term is below 0.25^8 1e-14 = 2e-19.
-        const TERMS: [f64; 8] = [
-            1.0 / 12.0,
-            1.0 / 720.0,
-            1.0 / 30_240.0,
-            1.0 / 1_209_600.0,
-            1.0 / 47_900_160.0,
-            691.0 / 1_307_674_368_000.0,
-            1.0 / 74_724_249_600.0,
-            3617.0 / 10_670_622_842_880_000.0,
-        ];
-        TERMS.iter().rev().fold(0.0, |sum, term| sum * s + term)
-    } else {
-        let half = 0.5 * s.sqrt();
-        (1.0 - half / half.tan()) / s
-    }
 }

@@ -1,11 +1,9 @@
-//! Rotations, their logarithm and both derivatives against a table of 50 digits (made by `scripts/rotation_table.py`),
-//! and at extreme numbers.
+//! Rotations and their derivative against a table of 50 digits (made by `scripts/rotation_table.py`), their logarithm,
+//! and all three at extreme numbers.
 
 use std::f64::consts::{PI, TAU};
 
-use ghand_core::rotation::{
-    axis_angle_from_rotation, axis_angle_from_rotation_vjp, rotation_from_axis_angle, rotation_from_axis_angle_vjp,
-};
+use ghand_core::rotation::{axis_angle_from_rotation, rotation_from_axis_angle, rotation_from_axis_angle_vjp};
 use glam::{DMat3, DVec3};
 
 struct Row {
@@ -178,7 +176,6 @@ fn nan_gives_nan() {
             entries[k] = bad;
             let matrix = DMat3::from_cols_array(&entries);
             assert!(axis_angle_from_rotation(&matrix).is_nan(), "{matrix}");
-            assert!(axis_angle_from_rotation_vjp(&matrix, DVec3::ONE).is_nan(), "{matrix}");
         }
     }
 }

@@ -183,7 +183,7 @@ pub fn uniform(rng: &mut ChaCha8Rng, n: usize) -> Vec<f64> {
 }
 
 /// A unit vector, sometimes along a coordinate axis.
-pub fn axis(rng: &mut ChaCha8Rng) -> [f64; 3] {
+fn axis(rng: &mut ChaCha8Rng) -> [f64; 3] {
     let mut axis = [0.0; 3];
     if rng.random_range(0..5) == 0 {
         axis[rng.random_range(0..3)] = [-1.0, 1.0][rng.random_range(0..2)];

@@ -7,7 +7,6 @@ mod cases;
 mod check;
 mod deformation;
 mod dual;
-mod logarithm;
 mod parts;
 mod posing;
 mod reference;

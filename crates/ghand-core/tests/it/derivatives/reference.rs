@@ -28,7 +28,7 @@ pub fn scale3<S: Scalar>(a: Vec3<S>, by: S) -> Vec3<S> {
     a.map(|x| x * by)
 }
 
-pub fn product3<S: Scalar>(a: &[S; 9], b: &[S; 9]) -> [S; 9] {
+fn product3<S: Scalar>(a: &[S; 9], b: &[S; 9]) -> [S; 9] {
     std::array::from_fn(|i| (0..3).fold(zero(), |sum, k| sum + a[i / 3 * 3 + k] * b[k * 3 + i % 3]))
 }
 
@@ -52,7 +52,7 @@ fn exponential<S: Scalar>(v: Vec3<S>) -> [S; 9] {
 }
 
 /// exp([v]x) with its partial derivatives, row by row.
-pub fn rotation_with_partials(v: [f64; 3]) -> [Dual<3>; 9] {
+fn rotation_with_partials(v: [f64; 3]) -> [Dual<3>; 9] {
     exponential([0, 1, 2].map(|k| Dual::input(v[k], k)))
 }
 
