@@ -1,8 +1,8 @@
 //! The exact mathematics of ghand, in f64 and without a GPU.
 //!
-//! Everything here is plain data and pure functions: the hand model, the kinematic chain, Hand Gaussian Blend Shapes,
-//! the Neural Residual Skeleton and corrected linear blend skinning, each forward and as a vector-Jacobian product
-//! (`*_vjp`). Tests compare GPU code with these functions. Files are read elsewhere.
+//! Everything here is plain data and pure functions: the hand model in a shape and pose; and the kinematic chain, Hand
+//! Gaussian Blend Shapes, the Neural Residual Skeleton and corrected linear blend skinning, each forward and as a
+//! vector-Jacobian product (`*_vjp`). Tests compare GPU code with these functions. Files are read elsewhere.
 //!
 //! Units are metres and radians; vectors are columns; matrices read `to_from_from` (`posed_from_rest`).
 

@@ -16,7 +16,7 @@ pub fn rotation_features(rotation: &DMat3) -> [f64; 9] {
 }
 
 /// dL/dR from dL/d(vec(R - I)).
-pub fn rotation_features_vjp(d_features: &[f64; 9]) -> DMat3 {
+fn rotation_features_vjp(d_features: &[f64; 9]) -> DMat3 {
     DMat3::from_cols_array(d_features).transpose()
 }
 

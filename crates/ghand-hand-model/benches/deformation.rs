@@ -11,7 +11,7 @@ use std::hint::black_box;
 use criterion::{Criterion, criterion_group, criterion_main};
 use ghand_core::Pose;
 use ghand_core::deformation::{DeformationInputs, deform, deform_vjp};
-use ghand_core::posing::{pose_hand, pose_hand_vjp};
+use ghand_core::posing::pose_hand;
 use ghand_core::residual_skeleton::ResidualSkeleton;
 use ghand_core::skinning::ResidualWeights;
 use ghand_test_support::procedural_hand::ProceduralHand;
@@ -61,15 +61,8 @@ fn benchmark(c: &mut Criterion) {
         });
     });
     let shape = vec![0.5; hand.shape_count()];
-    let d_vertices = vectors(&mut rng, hand.vertices.len(), 1.0);
     c.bench_function("pose the procedural hand", |b| {
         b.iter(|| black_box(pose_hand(&hand, &shape, &pose).unwrap()));
-    });
-    c.bench_function("pose the procedural hand + VJP", |b| {
-        b.iter(|| {
-            let posed = pose_hand(&hand, &shape, &pose).unwrap();
-            black_box(pose_hand_vjp(&hand, &pose, &posed, &d_vertices, &[]))
-        });
     });
 }
 

@@ -4,7 +4,7 @@
 
 use ghand_core::Pose;
 use ghand_core::deformation::{DeformationGradients, DeformationInputs, Deformed, deform, deform_vjp};
-use ghand_core::posing::{pose_hand, pose_hand_vjp};
+use ghand_core::posing::pose_hand;
 use ghand_core::residual_skeleton::ResidualSkeleton;
 use ghand_core::rotation::rotation_from_axis_angle;
 use ghand_core::skeleton::pose_skeleton;
@@ -312,6 +312,4 @@ fn numbers_that_are_not_finite_propagate_without_a_panic() {
     pose.rotations[0].x = f64::NAN;
     let posed = pose_hand(&hand, &[], &pose).unwrap();
     assert!(posed.vertices.iter().all(|v| v.is_nan()));
-    let g = pose_hand_vjp(&hand, &pose, &posed, &posed.vertices, &posed.joints);
-    assert!(g.rotations[0].is_nan());
 }

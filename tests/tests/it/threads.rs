@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use ghand_core::deformation::{DeformationInputs, deform, deform_vjp};
-use ghand_core::posing::{pose_hand, pose_hand_vjp};
+use ghand_core::posing::pose_hand;
 use ghand_core::residual_skeleton::ResidualSkeleton;
 use ghand_core::skinning::ResidualWeights;
 use ghand_core::{HandModel, Pose};
@@ -86,7 +86,7 @@ fn posed_points_and_their_gradients_have_the_same_bits_on_any_number_of_threads(
 }
 
 #[test]
-fn posed_hands_and_their_gradients_have_the_same_bits_on_any_number_of_threads() {
+fn posed_hands_have_the_same_bits_on_any_number_of_threads() {
     let rng = &mut ChaCha8Rng::seed_from_u64(2);
     let plain = ProceduralHand::default().build().unwrap();
     let v = plain.vertices.len();
@@ -102,11 +102,8 @@ fn posed_hands_and_their_gradients_have_the_same_bits_on_any_number_of_threads()
     };
     let shape = uniform(rng, 10);
     let pose = Pose { rotations: vectors(rng, joints), translation: DVec3::ONE };
-    let (d_vertices, d_joints) = (vectors(rng, v), vectors(rng, joints));
     assert_same_bits(|| {
         let hand = pose_hand(&model, &shape, &pose).unwrap();
-        let g = pose_hand_vjp(&model, &pose, &hand, &d_vertices, &d_joints);
-        let vectors = [&hand.vertices[..], &hand.joints, &g.rotations, &[g.translation], &g.vertices];
-        [flat(&vectors.concat()), g.shape].concat()
+        flat(&[hand.vertices, hand.joints].concat())
     });
 }

@@ -77,7 +77,6 @@ pub enum About {
     Residuals,
     ZeroSum,
     Anchored,
-    Shape,
 }
 
 prop_compose! {
@@ -113,7 +112,6 @@ impl Case {
             About::Residuals => format!("residual weights {:?}", self.residuals),
             About::ZeroSum => format!("ResidualWeights {}", if self.zero_sum { "ZeroSum" } else { "Paper" }),
             About::Anchored => format!("ResidualSkeleton {}", if self.anchored { "Anchored" } else { "Paper" }),
-            About::Shape => format!("shape +-{}", self.shape),
         };
         about.iter().map(name).collect()
     }

@@ -14,7 +14,7 @@ use super::dual::{Dual, Scalar};
 /// Number of random cases per derivative, usually and in long tests.
 const CASES: [u32; 2] = [1_000, 10_000];
 /// Allowed relative errors: of values and of gradients against dual numbers, and of gradients against differences.
-const EXACT: f64 = 1e-8;
+pub const EXACT: f64 = 1e-8;
 const DIFFERENCES: f64 = 1e-6;
 /// A gradient with cancelling terms is compared with this fraction of the terms, if that is larger than the gradient.
 /// An error of 1e-8 of that fraction is 18 units of rounding (2^-52) of the terms, which even a correct sum may have.
@@ -202,6 +202,13 @@ fn accepts(errors: &Errors) -> bool {
     errors.value <= EXACT && errors.dual <= EXACT && errors.difference <= DIFFERENCES
 }
 
+/// Draws the random cases.
+pub fn runner() -> TestRunner {
+    let config =
+        Config { cases: ghand_test_support::cases(CASES[0], CASES[1]), failure_persistence: None, ..Config::default() };
+    TestRunner::new_with_rng(config, TestRng::from_seed(RngAlgorithm::ChaCha, &[7; 32]))
+}
+
 /// Checks a derivative at random cases, prints the worst errors at each extreme, and checks that wrong gradients are
 /// rejected.
 pub fn prove<P>(name: &str, cases: impl Strategy<Value = Case>, build: impl Fn(&Case) -> P)
@@ -212,10 +219,7 @@ where
     let _ = rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread().build();
     let worst: RefCell<BTreeMap<String, (usize, Errors)>> = RefCell::default();
     let refused = RefCell::new(0);
-    let config =
-        Config { cases: ghand_test_support::cases(CASES[0], CASES[1]), failure_persistence: None, ..Config::default() };
-    let mut runner = TestRunner::new_with_rng(config, TestRng::from_seed(RngAlgorithm::ChaCha, &[7; 32]));
-    let outcome = runner.run(&cases, |case| {
+    let outcome = runner().run(&cases, |case| {
         let problem = build(&case);
         let gradients = gradients(&problem);
         let found = errors(&problem, &gradients);

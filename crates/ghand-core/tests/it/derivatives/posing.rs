@@ -1,27 +1,27 @@
-//! Hand models in any shape and pose: shape and pose blend shapes, joints from the shaped surface, skinning.
+//! Hand models in any shape and pose against the second implementation: shape and pose blend shapes, joints from the
+//! shaped surface, skinning. Values only: posed hands have no derivative of their own.
 
-use ghand_core::posing::{ShapedHand, pose_hand, pose_hand_vjp, shape_hand, shape_hand_vjp};
+use ghand_core::posing::{pose_hand, shape_hand};
 use ghand_core::{HandModel, Pose, Side};
 use glam::DVec3;
 use rand::RngExt;
 
-use super::cases::{About, Case, cases, uniform};
-use super::check::{Input, Problem, SLOPE, prove};
-use super::dual::Scalar;
+use super::cases::{Case, cases, uniform};
+use super::check::{EXACT, runner};
 use super::reference::{self, Skin, vec3s};
-use super::{ROTATION_STEP, depth, dvec3s, flat, largest};
+use super::{depth, dvec3s, flat, largest};
 
-/// A random hand model in a random shape, and in a random pose if `posed`.
+/// A random hand model in a random shape and pose.
 struct Hand {
-    case: Case,
     model: HandModel,
-    inputs: Vec<Input>,
+    shape: Vec<f64>,
+    pose: Pose,
+    /// Upper estimate of the results and of the terms that are summed in them.
     size: f64,
-    posed: bool,
 }
 
 impl Hand {
-    fn new(case: &Case, posed: bool) -> Hand {
+    fn new(case: &Case) -> Hand {
         let rng = &mut case.rng();
         let v = case.points;
         let joints = case.joints;
@@ -62,14 +62,6 @@ impl Hand {
         let joint_extent = largest(&rest_joints) + pull * shaped + moved;
         let extent = corrected + 2.0 * depth(&parents) * joint_extent;
         let out = (1.0 + turned) * extent + largest(&translation);
-        let all = SLOPE * (v as f64 * turned + joints as f64);
-        let d_vertex = SLOPE * turned + all * pull * joints as f64;
-        let inputs = vec![
-            Input::new("shape", shape, extent / size, (d_vertex * v as f64 + all * own as f64) * 0.1 * size),
-            Input::new("vertices", flat(&dvec3s(&vertices)), extent, d_vertex),
-            Input::new("rotations", rotations, ROTATION_STEP, all * (extent + 0.1 * size * 18.0)),
-            Input::new("translation", translation, extent, SLOPE * (v + joints) as f64),
-        ];
         let model = HandModel {
             name: "random".into(),
             side: Side::Right,
@@ -89,64 +81,38 @@ impl Hand {
             pose_space: None,
             source_vertices: vec![],
         };
-        let inputs = if posed { inputs } else { inputs[..2].to_vec() };
-        Hand { case: case.clone(), model, inputs, size: out, posed }
+        let pose = Pose { rotations: dvec3s(&rotations), translation: DVec3::from_slice(&translation) };
+        Hand { model, shape, pose, size: out }
     }
 
-    fn with_vertices(&self, vertices: &[f64]) -> HandModel {
-        HandModel { vertices: dvec3s(vertices), ..self.model.clone() }
-    }
-}
-
-fn pose_of(rotations: &[f64], translation: &[f64]) -> Pose {
-    Pose { rotations: dvec3s(rotations), translation: DVec3::from_slice(translation) }
-}
-
-impl Problem for Hand {
-    fn case(&self) -> &Case {
-        &self.case
-    }
-
-    fn about(&self) -> &[About] {
-        use About::*;
-        if self.posed { &[Angle, Place, Rig, Weights, Shape] } else { &[Place, Rig, Shape] }
-    }
-
-    fn inputs(&self) -> &[Input] {
-        &self.inputs
-    }
-
-    fn size(&self) -> f64 {
-        self.size
-    }
-
-    fn reference<S: Scalar>(&self, inputs: &[&[S]]) -> Vec<S> {
+    fn shaped_reference(&self) -> [Vec<[f64; 3]>; 2] {
         let model = &self.model;
-        let directions = |d: &[DVec3]| -> Vec<[f64; 3]> { d.iter().map(DVec3::to_array).collect() };
-        let mut vertices = vec3s(inputs[1]);
-        reference::add_directions(&mut vertices, inputs[0], &directions(&model.shape_directions));
-        let mut joints: Vec<[S; 3]> = model.joints.iter().map(|j| j.to_array().map(S::constant)).collect();
+        let mut vertices = vec3s(&flat(&model.vertices));
+        reference::add_directions(&mut vertices, &self.shape, &arrays(&model.shape_directions));
+        let mut joints = vec3s(&flat(&model.joints));
         if !model.joint_directions.is_empty() {
-            reference::add_directions(&mut joints, inputs[0], &directions(&model.joint_directions));
+            reference::add_directions(&mut joints, &self.shape, &arrays(&model.joint_directions));
         }
         for (joint, row) in joints.iter_mut().zip(&model.joint_regressor) {
-            *joint = row.iter().fold([reference::zero(); 3], |sum, &(i, w)| {
-                reference::add3(sum, reference::scale3(vertices[i as usize], S::constant(w)))
-            });
+            *joint = row
+                .iter()
+                .fold([0.0; 3], |sum, &(i, w)| reference::add3(sum, reference::scale3(vertices[i as usize], w)));
         }
-        if !self.posed {
-            return [vertices, joints].concat().into_flattened();
-        }
-        let local: Vec<[S; 9]> = vec3s(inputs[2]).into_iter().map(reference::rotation).collect();
+        [vertices, joints]
+    }
+
+    fn posed_reference(&self) -> [Vec<[f64; 3]>; 2] {
+        let model = &self.model;
+        let [mut vertices, joints] = self.shaped_reference();
+        let local: Vec<[f64; 9]> = arrays(&self.pose.rotations).into_iter().map(reference::rotation).collect();
         if !model.pose_directions.is_empty() {
-            let entries =
-                local.iter().skip(1).flat_map(|r| (0..9).map(move |e| r[e] - S::constant(f64::from(e % 4 == 0))));
-            let features: Vec<S> = entries.collect();
-            reference::add_directions(&mut vertices, &features, &directions(&model.pose_directions));
+            let entries = local.iter().skip(1).flat_map(|r| (0..9).map(move |e| r[e] - f64::from(e % 4 == 0)));
+            let features: Vec<f64> = entries.collect();
+            reference::add_directions(&mut vertices, &features, &arrays(&model.pose_directions));
         }
         let (world, bones) = reference::chain(&model.parents, &joints, &local);
         let (v, n) = (vertices.len(), joints.len());
-        let translation = [inputs[3][0], inputs[3][1], inputs[3][2]];
+        let translation = self.pose.translation.to_array();
         let posed = Skin {
             rest: &vertices,
             weights: &(0..v * n).map(|at| model.weights[at % v * n + at / v]).collect::<Vec<_>>(),
@@ -158,42 +124,56 @@ impl Problem for Hand {
         }
         .posed();
         let joints = world.iter().map(|g| reference::add3([g[0][3], g[1][3], g[2][3]], translation)).collect();
-        [posed, joints].concat().into_flattened()
+        [posed, joints]
     }
+}
 
-    fn outputs(&self, inputs: &[&[f64]]) -> Vec<f64> {
-        let model = self.with_vertices(inputs[1]);
-        if self.posed {
-            let hand = pose_hand(&model, inputs[0], &pose_of(inputs[2], inputs[3])).unwrap();
-            flat(&[hand.vertices, hand.joints].concat())
-        } else {
-            let shaped = shape_hand(&model, inputs[0]).unwrap();
-            flat(&[shaped.vertices, shaped.joints].concat())
-        }
-    }
+fn arrays(vectors: &[DVec3]) -> Vec<[f64; 3]> {
+    vectors.iter().map(DVec3::to_array).collect()
+}
 
-    fn gradients(&self, d_outputs: &[f64]) -> Vec<Vec<f64>> {
-        let (d_vertices, d_joints) = d_outputs.split_at(3 * self.case.points);
-        let (d_vertices, d_joints) = (dvec3s(d_vertices), dvec3s(d_joints));
-        let inputs = self.drawn();
-        if self.posed {
-            let pose = pose_of(inputs[2], inputs[3]);
-            let hand = pose_hand(&self.model, inputs[0], &pose).unwrap();
-            let g = pose_hand_vjp(&self.model, &pose, &hand, &d_vertices, &d_joints);
-            vec![g.shape, flat(&g.vertices), flat(&g.rotations), flat(&[g.translation])]
-        } else {
-            let (shape, vertices) = shape_hand_vjp(&self.model, &ShapedHand { vertices: d_vertices, joints: d_joints });
-            vec![shape, flat(&vertices)]
+/// Checks that the vertices and joints of `found` and `right` agree in random cases, and that a slightly wrong one
+/// would not.
+fn agree(found: impl Fn(&Hand) -> [Vec<DVec3>; 2], right: impl Fn(&Hand) -> [Vec<[f64; 3]>; 2]) {
+    let outcome = runner().run(&cases(), |case| {
+        let hand = Hand::new(&case);
+        let mut found = flat(&found(&hand).concat());
+        let right = right(&hand).concat().into_flattened();
+        assert_eq!(found.len(), right.len());
+        let error = |found: &[f64]| {
+            let apart: Vec<f64> = found.iter().zip(&right).map(|(a, b)| a - b).collect();
+            largest(&apart)
+        };
+        let bound = EXACT * hand.size;
+        assert!(error(&found) <= bound, "{} for {}", error(&found), hand.size);
+        let at = case.seed as usize % found.len();
+        for wrong in [2.1 * bound, f64::NAN] {
+            found[at] += wrong;
+            assert!(!(error(&found) <= bound), "a wrong value passes");
         }
-    }
+        Ok(())
+    });
+    outcome.unwrap_or_else(|problem| panic!("{problem}"));
 }
 
 #[test]
 fn posed_hands_are_right_in_any_shape() {
-    prove("pose_hand", cases(), |case| Hand::new(case, true));
+    agree(
+        |hand| {
+            let posed = pose_hand(&hand.model, &hand.shape, &hand.pose).unwrap();
+            [posed.vertices, posed.joints]
+        },
+        Hand::posed_reference,
+    );
 }
 
 #[test]
 fn shaped_hands_are_right() {
-    prove("shape_hand", cases(), |case| Hand::new(case, false));
+    agree(
+        |hand| {
+            let shaped = shape_hand(&hand.model, &hand.shape).unwrap();
+            [shaped.vertices, shaped.joints]
+        },
+        Hand::shaped_reference,
+    );
 }
