@@ -3,7 +3,7 @@
 use ghand_capture::cameras::list::LensCamera;
 use ghand_core::{HandModel, Pose};
 use ghand_motion::LandmarkFit;
-use ghand_motion::image_landmarks::{FitOptions, ImageFrame, ImagePoint, UsualFocal, fit_hand_with};
+use ghand_motion::image_landmarks::{self, FitOptions, ImageFrame, ImagePoint, UsualFocal};
 use glam::DVec3;
 
 use crate::ImportError;
@@ -55,7 +55,7 @@ pub fn fit_hand(
             beside: places.beside,
             ..FitOptions::default()
         };
-        let fitted = fit_hand_with(&frames, lenses, model, places.tip_inset, &options)?;
+        let fitted = image_landmarks::fit_hand(&frames, lenses, model, places.tip_inset, &options)?;
         let scale = unknown.hand_length / fitted.report.lengths[1];
         for (lens, camera) in lenses.iter_mut().zip(fitted.cameras) {
             lens.camera = camera;
@@ -72,15 +72,14 @@ pub fn fit_hand(
         _ => vec![],
     };
     let options = FitOptions { guesses: &guesses, times, beside: places.beside, ..FitOptions::default() };
-    let fitted = fit_hand_with(&frames, lenses, model, places.tip_inset, &options)?;
-    if fitted.frames.iter().all(|frame| frame.pose.is_none()) {
+    let fitted = image_landmarks::fit_hand(&frames, lenses, model, places.tip_inset, &options)?;
+    if fitted.poses.iter().all(Option::is_none) {
         return Err(ImportError::Unusable(
             "in no frame the landmarks are a hand's: cameras or clocks are wrong, or they see different hands".into(),
         ));
     }
-    let residuals = residuals(&fitted.frames, lenses.len());
-    let poses = fitted.frames.into_iter().map(|frame| frame.pose).collect();
-    Ok(Hand { shape: fitted.shape, poses, fit: fitted.report, residuals })
+    let residuals = residuals(&fitted.distances, lenses.len());
+    Ok(Hand { shape: fitted.shape, poses: fitted.poses, fit: fitted.report, residuals })
 }
 
 /// What is known of cameras whose calibration is not.

@@ -2,7 +2,7 @@
 
 use ghand_capture::cameras::list::LensCamera;
 use ghand_core::statistics::median;
-use ghand_motion::image_landmarks::FittedImageFrame;
+use ghand_motion::image_landmarks::SightingDistance;
 
 use crate::choice::Candidate;
 
@@ -10,14 +10,15 @@ use crate::choice::Candidate;
 const MIDDLE_KNUCKLE: usize = 9;
 
 /// The median distance of the landmarks that a camera saw from the fitted hand: `[camera][frame]`, pixels without distortion
-/// of the lens. `None` where the camera saw no hand, or there is none that fits.
-pub fn residuals(frames: &[FittedImageFrame], cameras: usize) -> Vec<Vec<Option<f64>>> {
-    let of = |frame: &FittedImageFrame, camera: usize| {
-        let own = frame.residuals.iter().filter(|seen| seen.camera == Some(camera));
+/// of the lens. `distances` are those of all landmarks, by frame. `None` where the camera saw no hand, or there is none that
+/// fits.
+pub fn residuals(distances: &[Vec<SightingDistance>], cameras: usize) -> Vec<Vec<Option<f64>>> {
+    let of = |frame: &Vec<SightingDistance>, camera: usize| {
+        let own = frame.iter().filter(|seen| seen.camera == Some(camera));
         let distances: Vec<f64> = own.map(|seen| seen.distance).collect();
         (!distances.is_empty()).then(|| median(distances))
     };
-    (0..cameras).map(|camera| frames.iter().map(|frame| of(frame, camera)).collect()).collect()
+    (0..cameras).map(|camera| distances.iter().map(|frame| of(frame, camera)).collect()).collect()
 }
 
 /// The same relative to how long the hand is in the camera's images: the median over the frames, by camera; `None` where it
@@ -43,16 +44,13 @@ pub fn relative(
 
 #[cfg(test)]
 mod tests {
-    use ghand_motion::image_landmarks::SightingDistance;
-
     use super::*;
 
     #[test]
     fn each_camera_has_its_own_distances_and_none_where_it_saw_nothing() {
         let seen = |camera, distance| SightingDistance { landmark: 3, camera, distance, is_wrong: false };
         let both = vec![seen(Some(0), 1.0), seen(Some(1), 7.0), seen(Some(0), 2.0), seen(Some(0), 9.0)];
-        let frame = |residuals| FittedImageFrame { pose: None, residuals };
-        let frames = [frame(both), frame(vec![]), frame(vec![seen(Some(1), 4.0), seen(None, 50.0)])];
-        assert_eq!(residuals(&frames, 2), [vec![Some(2.0), None, None], vec![Some(7.0), None, Some(4.0)]]);
+        let distances = [both, vec![], vec![seen(Some(1), 4.0), seen(None, 50.0)]];
+        assert_eq!(residuals(&distances, 2), [vec![Some(2.0), None, None], vec![Some(7.0), None, Some(4.0)]]);
     }
 }

@@ -15,7 +15,7 @@ mod tests;
 mod view;
 
 use ghand_capture::cameras::list::LensCamera;
-use ghand_core::{Camera, HandModel, Pose};
+use ghand_core::{Camera, HandModel};
 use glam::{DVec2, DVec3};
 
 pub use self::files::{ImageLandmarks, read_image_landmarks};
@@ -27,7 +27,8 @@ pub use crate::ik::person::proportions::in_skeleton;
 use crate::ik::person::sightings::{Sighting, SightingPosition};
 pub use crate::pose_sequence::LandmarkFit;
 pub use crate::pose_sequence::formats::landmarks::MEDIAPIPE_TIP_INSET;
-use crate::pose_sequence::transfer::landmark_fit::{SeenHand, fit, seen_by_cameras};
+pub use crate::pose_sequence::transfer::landmark_fit::FittedHand;
+use crate::pose_sequence::transfer::landmark_fit::{fit, seen_by_cameras};
 pub use crate::pose_sequence::transfer::landmark_report::SightingDistance;
 
 /// One moment, seen by some cameras.
@@ -78,21 +79,6 @@ impl ImageLandmarks {
     }
 }
 
-/// A hand that was fitted to the landmarks of all frames.
-#[derive(Debug, Clone, PartialEq)]
-pub struct FittedHand {
-    /// The frames, in order.
-    pub frames: Vec<FittedImageFrame>,
-    /// Shape parameters of the model; empty if it has none that change lengths.
-    pub shape: Vec<f64>,
-    /// Noise of a coordinate of a landmark, metres at the hand.
-    pub noise: f64,
-    /// How well it fits, by landmark, camera and frame; `rejected` says why frames have no pose.
-    pub report: LandmarkFit,
-    /// The cameras, without distortion, as given or fitted.
-    pub cameras: Vec<Camera>,
-}
-
 /// What is known beside the landmarks, or not known.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct FitOptions<'a> {
@@ -119,16 +105,6 @@ pub struct FitOptions<'a> {
 pub const MEDIAPIPE_BESIDE: [(usize, DVec3); 2] =
     [(0, DVec3::new(0.0, 0.0, -0.08)), (1, DVec3::new(-0.09, -0.04, -0.055))];
 
-/// One moment of a fitted hand.
-#[derive(Debug, Clone, PartialEq)]
-pub struct FittedImageFrame {
-    /// The pose, one rotation for each joint of the model, in the world of the cameras, metres; `None` if there are fewer
-    /// than 8 landmarks, or more than 40 % of them contradict the hand of the other frames.
-    pub pose: Option<Pose>,
-    /// How far each landmark is from the hand, pixels; `camera` is its number in the list of cameras. Empty without a hand.
-    pub residuals: Vec<SightingDistance>,
-}
-
 /// Fits a hand to landmarks in images. `model` must be of the side that was filmed. Landmarks of fingertips lie `tip_inset`
 /// metres before the ends of the fingers: [`MEDIAPIPE_TIP_INSET`], or 0 for the skin.
 ///
@@ -138,19 +114,6 @@ pub struct FittedImageFrame {
 /// [`PoseError`] if a frame has a camera that `cameras` lack, or the names of the model's joints do not identify their
 /// parts.
 pub fn fit_hand(
-    frames: &[ImageFrame],
-    cameras: &[LensCamera],
-    model: &HandModel,
-    tip_inset: f64,
-) -> Result<FittedHand, PoseError> {
-    fit_hand_with(frames, cameras, model, tip_inset, &FitOptions::default())
-}
-
-/// As [`fit_hand`], with more that is known, or less.
-///
-/// # Errors
-/// As there.
-pub fn fit_hand_with(
     frames: &[ImageFrame],
     cameras: &[LensCamera],
     model: &HandModel,
@@ -170,9 +133,5 @@ pub fn fit_hand_with(
     let freedom = options
         .usual_focals
         .map(|focals| CameraFreedom { usual_focals: focals.to_vec(), focals_are_known: options.focals_are_known });
-    let SeenHand { poses, shape, noise, distances, report, cameras } =
-        fit(&seen, options.times, &pinholes, freedom.as_ref(), tip_inset, options.beside, model)?;
-    let frames = poses.into_iter().zip(distances);
-    let frames = frames.map(|(pose, residuals)| FittedImageFrame { pose, residuals }).collect();
-    Ok(FittedHand { frames, shape, noise, report, cameras })
+    fit(&seen, options.times, &pinholes, freedom.as_ref(), tip_inset, options.beside, model)
 }

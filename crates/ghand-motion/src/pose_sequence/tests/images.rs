@@ -201,7 +201,7 @@ fn a_hand_of_another_size_is_said_and_one_camera_says_what_it_cannot_know() {
 
 #[test]
 fn landmarks_in_memory_give_the_hand_of_a_file_and_its_distances_in_pixels() {
-    use crate::image_landmarks::{ImageFrame, ImagePoint, fit_hand};
+    use crate::image_landmarks::{FitOptions, ImageFrame, ImagePoint};
 
     let model = builtin_hand(Side::Right).unwrap();
     let mut given = file(&some_poses(&model), &model);
@@ -222,19 +222,22 @@ fn landmarks_in_memory_give_the_hand_of_a_file_and_its_distances_in_pixels() {
             .collect(),
     };
     let frames: Vec<ImageFrame> = given["frames"].as_array().unwrap().iter().map(frame).collect();
-    let hand = fit_hand(&frames, &cameras(), &model, 0.0).unwrap();
+    let fit_hand = |frames: &[ImageFrame], cameras: &[LensCamera]| {
+        crate::image_landmarks::fit_hand(frames, cameras, &model, 0.0, &FitOptions::default())
+    };
+    let hand = fit_hand(&frames, &cameras()).unwrap();
     let (sequence, fit) = poses_and_fit("f", &value(&given), &model, &options()).unwrap();
     assert_eq!(Some(&hand.report), fit.as_ref());
     assert_eq!(hand.report.rejected.len(), 1);
-    let has_pose: Vec<bool> = hand.frames.iter().map(|frame| frame.pose.is_some()).collect();
+    let has_pose: Vec<bool> = hand.poses.iter().map(Option::is_some).collect();
     assert_eq!(has_pose, [true, true, true, true, false, true]);
-    for (found, read) in hand.frames.iter().zip(&sequence.frames).filter(|(found, _)| found.pose.is_some()) {
-        assert_eq!((found.pose.as_ref(), &hand.shape), (Some(&read.pose), &read.shape));
+    for (found, read) in hand.poses.iter().zip(&sequence.frames).filter(|(found, _)| found.is_some()) {
+        assert_eq!((found.as_ref(), &hand.shape), (Some(&read.pose), &read.shape));
     }
     assert!(hand.noise > 0.0 && hand.noise < 1e-3, "{}", hand.noise);
-    let counts: Vec<usize> = hand.frames.iter().map(|frame| frame.residuals.len()).collect();
+    let counts: Vec<usize> = hand.distances.iter().map(Vec::len).collect();
     assert_eq!(counts, [42, 42, 42, 42, 0, 42]);
-    let wrong: Vec<_> = hand.frames.iter().flat_map(|frame| &frame.residuals).filter(|one| one.is_wrong).collect();
+    let wrong: Vec<_> = hand.distances.iter().flatten().filter(|one| one.is_wrong).collect();
     assert!(
         matches!(wrong[..], [one] if (one.landmark, one.camera) == (16, Some(1)) && one.distance > 50.0),
         "{wrong:?}"
@@ -244,11 +247,11 @@ fn landmarks_in_memory_give_the_hand_of_a_file_and_its_distances_in_pixels() {
     for (_, points) in mixed.iter_mut().flat_map(|frame| &mut frame.cameras).filter(|(id, _)| id == "left") {
         points.iter_mut().flatten().for_each(|point| point.at /= DVec2::new(640.0, 480.0));
     }
-    let mixed = fit_hand(&mixed, &cameras(), &model, 0.0).unwrap();
-    for (a, b) in hand.frames.iter().zip(&mixed.frames) {
-        assert!(a.pose.iter().zip(&b.pose).all(|(a, b)| difference(a, b) < 1e-6));
+    let mixed = fit_hand(&mixed, &cameras()).unwrap();
+    for (a, b) in hand.poses.iter().zip(&mixed.poses) {
+        assert!(a.iter().zip(b).all(|(a, b)| difference(a, b) < 1e-6));
     }
-    let error = fit_hand(&frames, &cameras()[..1], &model, 0.0).unwrap_err().to_string();
+    let error = fit_hand(&frames, &cameras()[..1]).unwrap_err().to_string();
     assert!(error.contains("\"right\"") && error.contains("they are left"), "{error}");
 }
 

@@ -109,18 +109,21 @@ pub(crate) fn seen_by_cameras(
     Ok(seen)
 }
 
-/// A hand that was fitted to all frames.
-pub(crate) struct SeenHand {
-    /// The pose of each frame; `None` if its landmarks are too few or not a hand, which the report says.
+/// A hand that was fitted to the landmarks of all frames.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FittedHand {
+    /// The pose of each frame, one rotation for each joint of the model, in the world of the landmarks, metres; `None` if
+    /// there are fewer than 8 landmarks, or more than 40 % of them contradict the hand of the other frames.
     pub poses: Vec<Option<Pose>>,
-    /// Shape parameters of the model; empty if none is determined.
+    /// Shape parameters of the model; empty if it has none that change lengths.
     pub shape: Vec<f64>,
-    /// Noise of a coordinate, metres.
+    /// Noise of a coordinate of a landmark, metres at the hand.
     pub noise: f64,
-    /// Of each frame, how far each sighting is from the hand.
+    /// Of each frame, how far each landmark is from the hand. Empty without a hand.
     pub distances: Vec<Vec<SightingDistance>>,
+    /// How well it fits, by landmark, camera and frame; `rejected` says why frames have no pose.
     pub report: LandmarkFit,
-    /// The cameras, as given or fitted.
+    /// The cameras, without distortion, as given or fitted.
     pub cameras: Vec<Camera>,
 }
 
@@ -134,7 +137,7 @@ pub(crate) fn fit(
     tip_inset: f64,
     beside: &[(usize, DVec3)],
     model: &HandModel,
-) -> Result<SeenHand, PoseError> {
+) -> Result<FittedHand, PoseError> {
     let (numbers, enough): (Vec<usize>, Vec<SeenFrame>) = seen
         .iter()
         .enumerate()
@@ -173,7 +176,7 @@ pub(crate) fn fit(
     }
     let shape = proportions.shape(&fit.parameters);
     let report = report(model, &proportions, &fit, &kept, cameras, rejected);
-    Ok(SeenHand { poses, shape, noise: fit.noise, distances, report, cameras: fit.cameras })
+    Ok(FittedHand { poses, shape, noise: fit.noise, distances, report, cameras: fit.cameras })
 }
 
 fn fitted(
@@ -184,7 +187,7 @@ fn fitted(
     model: &HandModel,
     warnings: &mut Vec<String>,
 ) -> Result<(Vec<PoseFrame>, LandmarkFit), PoseError> {
-    let SeenHand { poses, shape, report, .. } = fit(seen, &[], cameras, None, tip_inset, &[], model)?;
+    let FittedHand { poses, shape, report, .. } = fit(seen, &[], cameras, None, tip_inset, &[], model)?;
     let mut skipped = Skipped::default();
     report.rejected.iter().for_each(|(id, problem)| skipped.add(id, problem.clone()));
     let frame = |(frame, pose): (&SeenFrame, Option<Pose>)| {
