@@ -6,7 +6,6 @@
 
 mod body;
 mod build;
-mod fields;
 mod named_arrays;
 mod side;
 
@@ -19,7 +18,6 @@ use glam::DVec3;
 use super::obj::read_obj_uvs;
 use crate::HandModelError;
 use crate::surface::uv_atlas::build_atlas;
-use fields::Fields;
 pub use named_arrays::NamedArrays;
 
 /// MANO's joints in MANO's order.
@@ -131,7 +129,7 @@ pub fn read_mano_bytes(
     right: Option<&[u8]>,
     options: &ManoOptions,
 ) -> Result<ManoFile, HandModelError> {
-    let mut fields = Fields::open(name, bytes, REMEDY)?;
+    let mut fields = NamedArrays::open(name, bytes, REMEDY)?;
     body::reject_body(&mut fields)?;
     let mut warnings = Vec::new();
     let mut model = build::build(&mut fields, &mut warnings)?;

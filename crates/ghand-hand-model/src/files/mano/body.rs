@@ -1,6 +1,6 @@
 //! Models of whole bodies in MANO's format, which are not hands.
 
-use super::fields::Fields;
+use super::named_arrays::NamedArrays;
 use crate::HandModelError;
 
 /// Parents of the first joints of SMPL and of all models made from it: pelvis, legs, spine, head and arms.
@@ -10,7 +10,7 @@ const BODY_PARENTS: [usize; 21] = [0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12,
 const MODELS: [(&str, usize, usize); 3] = [("SMPL", 6890, 24), ("SMPL-H", 6890, 52), ("SMPL-X", 10475, 55)];
 
 /// Rejects the model of a whole body by its name. What cannot be read is left to the reader of the hand.
-pub(super) fn reject_body(fields: &mut Fields) -> Result<(), HandModelError> {
+pub(super) fn reject_body(fields: &mut NamedArrays) -> Result<(), HandModelError> {
     let mut shape = |key: &str| fields.contains(key).then(|| fields.numbers(key).ok()).flatten();
     let vertices = shape("v_template").and_then(|array| array.shape.first().copied()).unwrap_or(0);
     let parents = shape("kintree_table").filter(|array| array.shape.first() == Some(&2));

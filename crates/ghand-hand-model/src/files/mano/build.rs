@@ -5,7 +5,7 @@ use ghand_core::{HandModel, PoseSpace, Side};
 use ghand_files::npz::NumericArray;
 use glam::DVec3;
 
-use super::fields::{Fields, Matrix};
+use super::named_arrays::{Matrix, NamedArrays};
 use super::{JOINT_NAMES, PARENTS, dvec3};
 use crate::HandModelError;
 
@@ -22,7 +22,7 @@ const NEGATIVE_WEIGHT: f64 = -1e-9;
 const JOINT_TOLERANCE: f64 = 1e-5;
 
 /// The model without texture coordinates; the side is not known yet.
-pub(super) fn build(fields: &mut Fields, warnings: &mut Vec<String>) -> Result<HandModel, HandModelError> {
+pub(super) fn build(fields: &mut NamedArrays, warnings: &mut Vec<String>) -> Result<HandModel, HandModelError> {
     let vertices = vertices(fields)?;
     let v = vertices.len();
     let faces = faces(fields, v)?;
@@ -69,12 +69,12 @@ pub(super) fn build(fields: &mut Fields, warnings: &mut Vec<String>) -> Result<H
     })
 }
 
-fn wrong_shape(fields: &Fields, key: &str, array: &NumericArray, expected: &str) -> HandModelError {
+fn wrong_shape(fields: &NamedArrays, key: &str, array: &NumericArray, expected: &str) -> HandModelError {
     fields
         .invalid(key, format!("has the shape {:?}, expected {expected}; pass a MANO model as downloaded", array.shape))
 }
 
-fn vertices(fields: &mut Fields) -> Result<Vec<DVec3>, HandModelError> {
+fn vertices(fields: &mut NamedArrays) -> Result<Vec<DVec3>, HandModelError> {
     let array = fields.numbers("v_template")?;
     match array.shape.as_slice() {
         &[v, 3] if (1..=u32::MAX as usize).contains(&v) => Ok(array.values.as_chunks().0.iter().map(dvec3).collect()),
@@ -82,7 +82,7 @@ fn vertices(fields: &mut Fields) -> Result<Vec<DVec3>, HandModelError> {
     }
 }
 
-fn faces(fields: &mut Fields, v: usize) -> Result<Vec<[u32; 3]>, HandModelError> {
+fn faces(fields: &mut NamedArrays, v: usize) -> Result<Vec<[u32; 3]>, HandModelError> {
     let array = fields.numbers("f")?;
     if !matches!(array.shape.as_slice(), [1..=usize::MAX, 3]) {
         return Err(wrong_shape(fields, "f", &array, "(F, 3)"));
@@ -96,7 +96,7 @@ fn faces(fields: &mut Fields, v: usize) -> Result<Vec<[u32; 3]>, HandModelError>
 }
 
 /// Parents, each before its children. The root's is stored as -1, in an unsigned integer of 4 or 8 bytes.
-fn parents(fields: &mut Fields) -> Result<Vec<Option<usize>>, HandModelError> {
+fn parents(fields: &mut NamedArrays) -> Result<Vec<Option<usize>>, HandModelError> {
     const ROOT: [f64; 3] = [-1.0, u32::MAX as f64, u64::MAX as f64];
     let array = fields.numbers("kintree_table")?;
     let &[2, n @ 1..=usize::MAX] = array.shape.as_slice() else {
@@ -121,7 +121,7 @@ fn parents(fields: &mut Fields) -> Result<Vec<Option<usize>>, HandModelError> {
     parent_row.iter().enumerate().map(parent).collect()
 }
 
-fn weights(fields: &mut Fields, v: usize, n: usize) -> Result<Vec<f64>, HandModelError> {
+fn weights(fields: &mut NamedArrays, v: usize, n: usize) -> Result<Vec<f64>, HandModelError> {
     let mut array = fields.numbers("weights")?;
     if array.shape != [v, n] {
         return Err(wrong_shape(fields, "weights", &array, &format!("({v}, {n})")));
@@ -143,8 +143,8 @@ fn weights(fields: &mut Fields, v: usize, n: usize) -> Result<Vec<f64>, HandMode
     Ok(array.values)
 }
 
-fn joint_regressor(fields: &mut Fields, v: usize, n: usize) -> Result<Vec<Vec<(u32, f64)>>, HandModelError> {
-    let fail = |fields: &Fields, shape: &[usize]| {
+fn joint_regressor(fields: &mut NamedArrays, v: usize, n: usize) -> Result<Vec<Vec<(u32, f64)>>, HandModelError> {
+    let fail = |fields: &NamedArrays, shape: &[usize]| {
         let problem = format!("has the shape {shape:?}, expected ({n}, {v}); pass a MANO model as downloaded");
         Err(fields.invalid("J_regressor", problem))
     };
@@ -178,7 +178,12 @@ fn joint_regressor(fields: &mut Fields, v: usize, n: usize) -> Result<Vec<Vec<(u
 }
 
 /// Blend shapes from `(V, 3, count)` to `[count][V]`.
-fn directions(fields: &mut Fields, key: &str, v: usize, count: Option<usize>) -> Result<Vec<DVec3>, HandModelError> {
+fn directions(
+    fields: &mut NamedArrays,
+    key: &str,
+    v: usize,
+    count: Option<usize>,
+) -> Result<Vec<DVec3>, HandModelError> {
     let array = fields.numbers(key)?;
     match array.shape.as_slice() {
         &[rows, 3, found] if rows == v && count.is_none_or(|count| count == found) => {
@@ -194,7 +199,7 @@ fn directions(fields: &mut Fields, key: &str, v: usize, count: Option<usize>) ->
 }
 
 /// Mean and components of poses; `None` for a rig without them.
-fn pose_space(fields: &mut Fields, n: usize) -> Result<Option<PoseSpace>, HandModelError> {
+fn pose_space(fields: &mut NamedArrays, n: usize) -> Result<Option<PoseSpace>, HandModelError> {
     let width = 3 * (n - 1);
     let vectors = |values: &[f64]| values.as_chunks().0.iter().map(dvec3).collect::<Vec<DVec3>>();
     let mut mean = None;
@@ -224,7 +229,7 @@ fn pose_space(fields: &mut Fields, n: usize) -> Result<Option<PoseSpace>, HandMo
 }
 
 /// The joints stored beside the regressor are not used, but show whether the file is consistent.
-fn check_joints(fields: &mut Fields, joints: &[DVec3], warnings: &mut Vec<String>) {
+fn check_joints(fields: &mut NamedArrays, joints: &[DVec3], warnings: &mut Vec<String>) {
     if !fields.contains("J") {
         return;
     }

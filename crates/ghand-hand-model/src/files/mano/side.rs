@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use ghand_core::{HandModel, Side};
 use glam::DVec3;
 
-use super::fields::Fields;
+use super::named_arrays::NamedArrays;
 use super::{PARENTS, REMEDY, build};
 use crate::joints::names::side_in_name;
 
@@ -90,7 +90,7 @@ pub(super) fn has_left_shape_bug(model: &HandModel, right: Option<&[u8]>, warnin
 /// the bug, and twice the right hand's x without.) Since the sum depends on the size of the mesh, they must also be
 /// nearer to the right hand's than to their mirror image.
 fn compare_with_right(left: &HandModel, right: &[u8]) -> Option<bool> {
-    let right = build::build(&mut Fields::open("right hand", right, REMEDY).ok()?, &mut Vec::new()).ok()?;
+    let right = build::build(&mut NamedArrays::open("right hand", right, REMEDY).ok()?, &mut Vec::new()).ok()?;
     if right.shape_directions.len() != left.shape_directions.len() {
         return None;
     }
