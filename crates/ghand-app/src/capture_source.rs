@@ -74,9 +74,8 @@ impl CaptureSource {
     /// If the present folder does not exist any more.
     pub fn absolute(&self) -> std::io::Result<CaptureSource> {
         let absolute = |path: &Option<PathBuf>| path.as_ref().map(std::path::absolute).transpose();
-        let hand_model_args = self.options.hand_model_args.absolute()?;
         let hand_model = absolute(&self.options.hand_model)?;
-        let options = CaptureReading { hand_model, hand_model_args, ..self.options.clone() };
+        let options = CaptureReading { hand_model, ..self.options.clone() };
         Ok(CaptureSource { capture: absolute(&self.capture)?, options })
     }
 
@@ -143,7 +142,7 @@ impl CaptureReading {
 
     /// The files that these options name.
     pub fn inputs(&self) -> impl Iterator<Item = &PathBuf> {
-        self.hand_model.iter().chain(self.hand_model_args.inputs())
+        self.hand_model.iter()
     }
 
     /// Fails if an option is given that says nothing about this capture.

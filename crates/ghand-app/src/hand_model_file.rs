@@ -8,7 +8,7 @@ use ghand_avatar::Avatar;
 use ghand_core::Side;
 use ghand_hand_model::builtin::{HAND_NAMES, builtin_hand, hand_by_name};
 use ghand_hand_model::files::mano::LeftShapes;
-use ghand_hand_model::files::read::{HandModelFile, MANO_KIND, ReadOptions, read_hand_model};
+use ghand_hand_model::files::read::{HandModelFile, MANO_KIND, read_hand_model};
 use serde::{Deserialize, Serialize};
 
 use crate::file_kind::{FileKind, file_kind};
@@ -19,28 +19,12 @@ const HAND_OF_GHAND: &str = "hand of ghand";
 /// Options that say how to read a hand model. Part of a run's record on disk.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, Args)]
 pub struct HandModelReading {
-    /// OBJ file with UVs for a MANO model, which has none [default: generated]
-    #[arg(long, value_name = "FILE")]
-    pub uv: Option<PathBuf>,
     /// Keep the shape directions of a MANO left hand as published, mirrored by mistake [default: correct them]
     #[arg(long)]
     pub left_shapes_as_published: bool,
 }
 
 impl HandModelReading {
-    /// The same files from any folder.
-    ///
-    /// # Errors
-    /// If the present folder does not exist any more.
-    pub fn absolute(&self) -> std::io::Result<HandModelReading> {
-        Ok(HandModelReading { uv: self.uv.as_ref().map(std::path::absolute).transpose()?, ..self.clone() })
-    }
-
-    /// The files that these options name.
-    pub fn inputs(&self) -> Option<&PathBuf> {
-        self.uv.as_ref()
-    }
-
     /// Reads the hand model, or the template mesh of an avatar; the built-in hand if there is no path.
     ///
     /// # Errors
@@ -56,7 +40,7 @@ impl HandModelReading {
             _ => {}
         }
         let left_shapes = if self.left_shapes_as_published { LeftShapes::AsPublished } else { LeftShapes::Fixed };
-        let file = load_hand_model(path, &ReadOptions { uv_obj: self.uv.clone(), left_shapes })?;
+        let file = load_hand_model(path, left_shapes)?;
         if file.kind != MANO_KIND {
             self.refuse_for(&format!("{} is a {}", path.display(), file.kind))?;
         }
@@ -66,17 +50,15 @@ impl HandModelReading {
         Ok(file)
     }
 
-    /// Fails if any of these options is given, where no MANO model is read because of `reason`.
+    /// Fails if `--left-shapes-as-published` is given, where no MANO model is read because of `reason`.
     ///
     /// # Errors
     /// One sentence that names the option.
     pub fn refuse_for(&self, reason: &str) -> anyhow::Result<()> {
-        let uv = self.uv.as_ref().map(|uv| format!("--uv {}", uv.display()));
-        let left = self.left_shapes_as_published.then(|| "--left-shapes-as-published".into());
-        match uv.or(left) {
-            Some(option) => bail!("{option}: is for MANO models, and {reason}; omit it"),
-            None => Ok(()),
+        if self.left_shapes_as_published {
+            bail!("--left-shapes-as-published: is for MANO models, and {reason}; omit it");
         }
+        Ok(())
     }
 }
 
@@ -90,7 +72,7 @@ pub fn is_hand_name(path: &Path) -> bool {
 ///
 /// # Errors
 /// As in [`HandModelReading::load`].
-pub fn load_hand_model(path: &Path, options: &ReadOptions) -> anyhow::Result<HandModelFile> {
+pub fn load_hand_model(path: &Path, left_shapes: LeftShapes) -> anyhow::Result<HandModelFile> {
     if let Some(model) = path.to_str().and_then(hand_by_name) {
         return Ok(HandModelFile { model: model?, kind: HAND_OF_GHAND, warnings: vec![] });
     }
@@ -104,6 +86,6 @@ pub fn load_hand_model(path: &Path, options: &ReadOptions) -> anyhow::Result<Han
              .gltf) or an avatar (.ghand)",
             path.display()
         ),
-        FileKind::HandModel | FileKind::Other => Ok(read_hand_model(path, options)?),
+        FileKind::HandModel | FileKind::Other => Ok(read_hand_model(path, left_shapes)?),
     }
 }

@@ -6,7 +6,7 @@ use anyhow::{Context, anyhow, bail};
 use clap::Args;
 use ghand_capture::cameras::list::read_cameras;
 use ghand_core::{HandModel, Pose, Side};
-use ghand_hand_model::files::read::ReadOptions;
+use ghand_hand_model::files::mano::LeftShapes;
 use ghand_hand_model::joints::axes::why_without_axes;
 use ghand_hand_model::named_poses::{POSE_NAMES, named_pose};
 use ghand_motion::motions::{MOTION_NAMES, motion};
@@ -143,7 +143,7 @@ impl PoseReadingArgs {
         let path = Path::new(text);
         let pose_model = match &self.pose_model {
             Some(path) => {
-                let file = load_hand_model(path, &ReadOptions::default())?;
+                let file = load_hand_model(path, LeftShapes::Fixed)?;
                 file.warnings.iter().for_each(|warning| log::warn!("{}: {warning}", path.display()));
                 Some(file.model)
             }

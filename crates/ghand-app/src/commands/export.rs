@@ -110,7 +110,7 @@ pub fn run(args: &ExportArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
         true => args.reading_poses.inputs(None),
         false => args.pose.iter().flat_map(|pose| args.reading_poses.inputs(Some(pose))).collect(),
     };
-    let inputs = CommandInputs::default().and([&args.subject]).and(poses).and(args.reading.inputs());
+    let inputs = CommandInputs::default().and([&args.subject]).and(poses);
     if args.pose.is_empty() {
         args.reading_poses.refuse_without("--pose")?;
         if args.frame.is_some() {

@@ -106,7 +106,6 @@ pub fn run(args: &PoseArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let format = args.picture.as_deref().map(|path| StillFormat::of(path, "--picture")).transpose()?;
     let inputs = CommandInputs::default()
         .and(&args.hand_model)
-        .and(args.reading.inputs())
         .and(args.reading_poses.inputs(args.pose.as_deref()))
         .and(args.look.camera.as_deref().map(camera_file));
     [("--out", &args.out), ("--picture", &args.picture)]

@@ -175,9 +175,8 @@ fn poses_are_made_for_an_avatar_and_drive_avatars_of_other_joints() {
     let from_avatar =
         ["--pose", "large.json", "--pose-model", "hand.ghand", "--for", "renamed.ghand", "--out", "mesh.obj"];
     pose(&from_avatar);
-    let both =
-        run(GHAND, folder.path(), &["pose", "--hand-model", "hand.ghand", "--uv", "uv.obj", "--out", "mesh.obj"]);
-    assert_one_sentence(&both, &["--uv uv.obj", "is an avatar"]);
+    let both = ["pose", "--hand-model", "hand.ghand", "--left-shapes-as-published", "--out", "mesh.obj"];
+    assert_one_sentence(&run(GHAND, folder.path(), &both), &["--left-shapes-as-published", "is an avatar"]);
     std::fs::write(folder.path().join("cut.ghand"), b"").unwrap();
     let cut = run(GHAND, folder.path(), &["pose", "--hand-model", "cut.ghand", "--out", "mesh.obj"]);
     assert_one_sentence(&cut, &["cut.ghand", "is not an avatar, or is truncated"]);

@@ -66,12 +66,15 @@ fn options_for_captures_and_hand_models_are_refused_where_there_are_none() {
         ("train --capture S --hand-model builtin --out R", ["--hand-model", "brings its own"]),
         ("train --capture S --train-sequences ROM03 --out R", ["--train-sequences", "not InterHand2.6M"]),
         ("ghand inspect S --no-sheet --principal-point 3,4", ["--principal-point", "Hand Appearance"]),
-        ("ghand inspect S --no-sheet --uv u.obj", ["--uv u.obj", "no --hand-model"]),
-        ("train --uv u.obj --out R", ["--uv u.obj", "no --hand-model"]),
+        ("ghand inspect S --no-sheet --left-shapes-as-published", ["--left-shapes-as-published", "no --hand-model"]),
+        ("train --left-shapes-as-published --out R", ["--left-shapes-as-published", "no --hand-model"]),
         ("viewer hand.ghand --screenshot a.png --left-shapes-as-published", ["--left-shapes-as-published", "omit it"]),
-        ("ghand inspect builtin --uv u.obj", ["--uv u.obj", "a hand of ghand"]),
+        ("ghand inspect builtin --left-shapes-as-published", ["--left-shapes-as-published", "a hand of ghand"]),
         ("ghand inspect hand.ghand --left-shapes-as-published", ["--left-shapes-as-published", "is an avatar"]),
-        ("ghand export hand.ghand --out a.ply --uv u.obj", ["--uv u.obj", "only an avatar has Gaussians"]),
+        (
+            "ghand export hand.ghand --out a.ply --left-shapes-as-published",
+            ["--left-shapes-as-published", "only an avatar has Gaussians"],
+        ),
         ("ghand pose --out a.obj --left-shapes-as-published", ["--left-shapes-as-published", "built-in hand"]),
     ] {
         refused(folder.path(), line, &parts);

@@ -9,13 +9,12 @@ mod build;
 mod named_arrays;
 mod side;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use ghand_core::{HandModel, Side};
 use ghand_files::input_file;
 use glam::DVec3;
 
-use super::obj::read_obj_uvs;
 use crate::HandModelError;
 use crate::surface::uv_atlas::build_atlas;
 pub use named_arrays::NamedArrays;
@@ -64,10 +63,8 @@ pub enum LeftShapes {
 }
 
 /// Information that a MANO file does not contain.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct ManoOptions {
-    /// An OBJ file of the same mesh with texture coordinates; without it, an atlas is built.
-    pub uv_obj: Option<PathBuf>,
     /// Which hand it is; by default decided by the file's name, else by the geometry.
     pub side: Option<Side>,
     /// What to do about the bug of the published left model.
@@ -138,22 +135,11 @@ pub fn read_mano_bytes(
     if has_left_shape_bug && options.left_shapes == LeftShapes::Fixed {
         model.shape_directions.iter_mut().for_each(|direction| direction.x = -direction.x);
     }
-    fill_uvs(&mut model, options)?;
-    model.validate()?;
-    Ok(ManoFile { model, has_left_shape_bug, warnings })
-}
-
-/// Gives the model texture coordinates: those of the OBJ file, with its triangles, or a built atlas.
-fn fill_uvs(model: &mut HandModel, options: &ManoOptions) -> Result<(), HandModelError> {
-    if let Some(path) = &options.uv_obj {
-        let found = read_obj_uvs(path, model.vertices.len(), &model.faces)?;
-        (model.faces, model.uvs, model.face_uvs) = (found.faces, found.uvs, found.face_uvs);
-        return Ok(());
-    }
     let atlas = build_atlas(&model.vertices, &model.faces)
         .map_err(|error| HandModelError::invalid(model.name.clone(), "f", error.to_string()))?;
     (model.uvs, model.face_uvs) = (atlas.uvs, atlas.face_uvs);
-    Ok(())
+    model.validate()?;
+    Ok(ManoFile { model, has_left_shape_bug, warnings })
 }
 
 fn read_file(path: &Path) -> Result<Vec<u8>, HandModelError> {

@@ -9,15 +9,6 @@ use super::mano::{LeftShapes, ManoOptions, read_mano_with_warnings};
 use crate::HandModelError;
 use crate::inspection;
 
-/// Information that the file does not contain.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct ReadOptions {
-    /// OBJ file with the UVs of a MANO model, which has none of its own. Without it, UVs are generated.
-    pub uv_obj: Option<PathBuf>,
-    /// What to do about the bug of the published MANO left hand.
-    pub left_shapes: LeftShapes,
-}
-
 /// A hand model with remarks on its file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HandModelFile {
@@ -33,21 +24,23 @@ pub struct HandModelFile {
 pub const MANO_KIND: &str = "MANO model";
 
 /// Reads a rigged glTF hand (`.glb`, `.gltf`), or else a MANO file (a pickle or an `.npz` archive). `FILE:left` and
-/// `FILE:right` are one hand of a file with both ([`file_and_side`]).
+/// `FILE:right` are one hand of a file with both ([`file_and_side`]). `left_shapes` says what to do about the bug of the
+/// published MANO left hand.
 ///
 /// ```no_run
-/// use ghand_hand_model::files::read::{ReadOptions, read_hand_model};
+/// use ghand_hand_model::files::mano::LeftShapes;
+/// use ghand_hand_model::files::read::read_hand_model;
 ///
-/// let file = read_hand_model("MANO_RIGHT.pkl".as_ref(), &ReadOptions::default())?;
+/// let file = read_hand_model("MANO_RIGHT.pkl".as_ref(), LeftShapes::Fixed)?;
 /// println!("{}: {} vertices", file.kind, file.model.vertices.len());
 /// # Ok::<(), ghand_hand_model::HandModelError>(())
 /// ```
 ///
 /// # Errors
 /// [`HandModelError`] names the file, the unusable part and a remedy.
-pub fn read_hand_model(path: &Path, options: &ReadOptions) -> Result<HandModelFile, HandModelError> {
+pub fn read_hand_model(path: &Path, left_shapes: LeftShapes) -> Result<HandModelFile, HandModelError> {
     let (path, side) = file_and_side(path);
-    let file = if is_gltf(&path) { read_gltf_hand(&path, side)? } else { read_mano_hand(&path, side, options)? };
+    let file = if is_gltf(&path) { read_gltf_hand(&path, side)? } else { read_mano_hand(&path, side, left_shapes)? };
     match side {
         Some(side) if side != file.model.side => {
             let problem = format!("has no {side} hand, but a {} one; omit :{side}", file.model.side);
@@ -77,12 +70,11 @@ pub fn read_gltf_hand(path: &Path, wanted: Option<Side>) -> Result<HandModelFile
     Ok(HandModelFile { model: file.model, kind: "rigged glTF hand", warnings })
 }
 
-fn read_mano_hand(path: &Path, side: Option<Side>, options: &ReadOptions) -> Result<HandModelFile, HandModelError> {
-    let options = ManoOptions { uv_obj: options.uv_obj.clone(), side, left_shapes: options.left_shapes };
-    let file = read_mano_with_warnings(path, &options)?;
+fn read_mano_hand(path: &Path, side: Option<Side>, left_shapes: LeftShapes) -> Result<HandModelFile, HandModelError> {
+    let file = read_mano_with_warnings(path, &ManoOptions { side, left_shapes })?;
     let mut warnings = file.warnings;
     if file.has_left_shape_bug {
-        warnings.push(match options.left_shapes {
+        warnings.push(match left_shapes {
             LeftShapes::Fixed => {
                 "the shape directions of this left hand had the x components of a right one, a known bug; \
                  corrected"
@@ -120,7 +112,7 @@ mod tests {
         let path = folder.path().join("hand.glb");
         write_rigged_glb(&path, &builtin_hand(Side::Left).unwrap()).unwrap();
         let named = |side: &str| PathBuf::from(format!("{}:{side}", path.display()));
-        let read = |path: &Path| read_hand_model(path, &ReadOptions::default());
+        let read = |path: &Path| read_hand_model(path, LeftShapes::Fixed);
         assert_eq!(read(&named("left")).unwrap().model, read(&path).unwrap().model);
         let refused = read(&named("right")).unwrap_err().to_string();
         assert!(refused.contains("hand.glb: hand model: has no right hand, but a left one; omit :right"), "{refused}");

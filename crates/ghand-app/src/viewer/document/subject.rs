@@ -10,7 +10,7 @@ use ghand_avatar::scene_files::SplatScene;
 use ghand_avatar::{Avatar, Light};
 use ghand_core::{HandModel, Pose};
 use ghand_files::input_file;
-use ghand_hand_model::files::read::ReadOptions;
+use ghand_hand_model::files::mano::LeftShapes;
 
 use crate::file_kind::{FileKind, file_kind};
 use crate::hand_model_file::{is_hand_name, load_hand_model};
@@ -71,7 +71,7 @@ impl Subject {
     }
 
     fn hand_model(path: &Path) -> anyhow::Result<Subject> {
-        let file = load_hand_model(path, &ReadOptions::default())?;
+        let file = load_hand_model(path, LeftShapes::Fixed)?;
         for warning in &file.warnings {
             log::warn!("{}: {warning}", path.display());
         }

@@ -5,7 +5,6 @@ use std::time::{Duration, Instant};
 use ghand_core::Side;
 use ghand_hand_model::HandModelError;
 use ghand_hand_model::files::mano::{ManoFile, ManoOptions, read_mano, read_mano_bytes};
-use ghand_hand_model::files::obj::write_obj;
 
 use ghand_test_support::mano_files::hands::{Entries, Hand, as_npz, as_pickle, set};
 use ghand_test_support::mano_files::python::{
@@ -56,17 +55,11 @@ fn a_file_truncated_anywhere_is_rejected() {
 
 #[test]
 fn a_file_with_any_byte_changed_gives_a_valid_model_or_an_error() {
-    let folder = tempfile::tempdir().unwrap();
-    let uv_obj = folder.path().join("uv.obj");
-    let model = read(&small_files()[0]).unwrap().model;
-    write_obj(&uv_obj, &model, &model.vertices).unwrap();
-    // Texture coordinates are given to save the time to build an atlas.
-    let options = ManoOptions { side: Some(Side::Right), uv_obj: Some(uv_obj), ..Default::default() };
-    let read = |bytes: &[u8]| read_mano_bytes("some/file", bytes, None, &options);
     for bytes in small_files() {
         assert!(read(&bytes).is_ok());
         let mut bytes = bytes;
-        for at in 0..bytes.len() {
+        // Of each valid model, an atlas is built.
+        for at in (0..bytes.len()).step_by(ghand_test_support::cases(5, 1)) {
             for flip in [0xff, 0x01] {
                 bytes[at] ^= flip;
                 if let Ok(file) = read(&bytes) {
