@@ -7,7 +7,7 @@ use ghand_core::posing::shape_hand;
 use ghand_core::skeleton::pose_skeleton;
 use ghand_core::{HandModel, Pose, PoseSpace, Side};
 use ghand_hand_model::builtin::builtin_hand;
-use ghand_hand_model::files::mano::{JOINT_NAMES, LeftShapes, ManoOptions, read_mano_with_warnings};
+use ghand_hand_model::files::mano::{JOINT_NAMES, LeftShapes, ManoOptions, read_mano};
 use ghand_motion::LandmarkFit;
 use ghand_motion::space_landmarks::{SpaceFrame, fit_hand_in_space};
 use glam::DVec3;
@@ -49,7 +49,7 @@ pub(crate) fn poses(
         return fitted(builtin_hand(sequence.side)?, HandModelSource::Builtin, sequence, frames);
     };
     let options = ManoOptions { left_shapes: sequence.left_shapes, ..ManoOptions::default() };
-    let file = read_mano_with_warnings(path, &options)?;
+    let file = read_mano(path, &options)?;
     let fail = |problem: String| Err(DatasetError::file(path, problem));
     let is_as_published = file.has_left_shape_bug && sequence.left_shapes == LeftShapes::AsPublished;
     let remark = is_as_published.then(|| {

@@ -32,7 +32,7 @@ pub fn builtin_hand(side: Side) -> Result<HandModel, HandModelError> {
     if bytes.is_empty() {
         return Err(HandModelError::invalid(name, "file", "is not part of programs for browsers; give a hand model"));
     }
-    Ok(read_gltf_bytes(name, bytes, None)?.model)
+    Ok(read_gltf_bytes(name, bytes)?.model)
 }
 
 /// The hand of that name; `None` if the name is not in [`HAND_NAMES`].

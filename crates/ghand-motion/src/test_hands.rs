@@ -26,7 +26,7 @@ pub(crate) fn procedural(side: Side) -> &'static HandModel {
 /// The generic hand with WebXR's joints, if it is available.
 pub(crate) fn generic(side: Side) -> Option<HandModel> {
     let file = if side == Side::Left { "left.glb" } else { "right.glb" };
-    shared(&format!("assets/generic-hand/{file}")).map(|path| read_gltf(&path).unwrap())
+    shared(&format!("assets/generic-hand/{file}")).map(|path| read_gltf(&path, None).unwrap().model)
 }
 
 /// All of them.

@@ -1,8 +1,8 @@
 //! What tests of several crates share: hands from a few lengths ([`procedural_hand`]), MANO files ([`mano_files`]), the
-//! inputs of the fuzz targets ([`fuzz_corpus`]), a measure of how deep a posed hand is inside itself
-//! ([`self_penetration`]), pictures as they were before ([`golden`]), how many random cases tests try ([`cases`]), which
-//! tests are too long for `make test` ([`long`]), and what tests are skipped without: files next to the checkout, in
-//! `../shared` ([`shared`]), ffmpeg ([`ffmpeg`]) and Chromium ([`browser`]).
+//! inputs of the fuzz targets ([`fuzz_corpus`]), files of rigged hands ([`rigged_glb`]), a measure of how deep a posed
+//! hand is inside itself ([`self_penetration`]), pictures as they were before ([`golden`]), how many random cases tests
+//! try ([`cases`]), which tests are too long for `make test` ([`long`]), and what tests are skipped without: files next to
+//! the checkout, in `../shared` ([`shared`]), ffmpeg ([`ffmpeg`]) and Chromium ([`browser`]).
 //!
 //! Cargo hides the output of `println!` in passing tests. A skipped test therefore writes its line directly to standard
 //! error, and appends it to the file in `GHAND_SKIPPED_TESTS`, which `make test` summarises at its end.
@@ -17,6 +17,10 @@ use std::fs::OpenOptions;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+
+use ghand_core::HandModel;
+use ghand_hand_model::HandModelError;
+use ghand_hand_model::files::rigged_glb::RiggedHand;
 
 /// Prefix of every line about a skipped test.
 pub const PREFIX: &str = "SKIPPED TEST:";
@@ -83,6 +87,14 @@ fn find(folder: &Path, name: &str, record: Option<&Path>) -> Option<PathBuf> {
     }
     skip(&format!("shared/{name}"), record);
     None
+}
+
+/// The bytes of a GLB file with the model at rest.
+///
+/// # Errors
+/// As for [`RiggedHand::document`].
+pub fn rigged_glb(model: &HandModel) -> Result<Vec<u8>, HandModelError> {
+    RiggedHand::default().document(model)?.finish()
 }
 
 /// Reports that the running test needs something that is missing.

@@ -11,10 +11,10 @@ use ghand_core::posing::pose_hand;
 use ghand_core::{Camera, HandModel, Pose, Side};
 use ghand_hand_model::files::mano::{ManoOptions, read_mano_bytes};
 use ghand_hand_model::files::read::read_gltf_hand;
-use ghand_hand_model::files::rigged_glb::write_rigged_glb;
 use ghand_hand_model::joints::names::JointRole;
 use ghand_synthetic::{SceneMesh, SyntheticOptions, generate};
 use ghand_test_support::procedural_hand::ProceduralHand;
+use ghand_test_support::rigged_glb;
 use glam::{DMat3, DVec3};
 use tempfile::TempDir;
 
@@ -70,7 +70,7 @@ fn made(options: &SyntheticOptions) -> (Capture, TempDir) {
 /// The capture with the procedural hand where the built-in one was. Joints that it lacks do not turn in it.
 fn of_procedural_hand(capture: Capture) -> Capture {
     let path = capture.root.join("hand.glb");
-    write_rigged_glb(&path, &ProceduralHand::default().build().unwrap()).unwrap();
+    std::fs::write(&path, rigged_glb(&ProceduralHand::default().build().unwrap()).unwrap()).unwrap();
     let hand_model = read_gltf_hand(&path, Some(Side::Right)).unwrap().model;
     let roles = |model: &HandModel| JointRole::of_joints(&model.joint_names);
     let full = roles(&capture.hand_model);

@@ -8,9 +8,9 @@ use ghand_core::{Pose, Side};
 use ghand_hand_model::builtin::builtin_hand;
 use ghand_hand_model::files::gltf::read_gltf;
 use ghand_hand_model::files::mano::{ManoOptions, read_mano};
-use ghand_hand_model::files::rigged_glb::write_rigged_glb;
 use ghand_hand_model::named_poses::named_pose;
 use ghand_test_support::procedural_hand::ProceduralHand;
+use ghand_test_support::rigged_glb;
 use glam::DVec3;
 use image::RgbImage;
 
@@ -61,7 +61,7 @@ fn the_built_in_hand_is_posed_by_a_file_with_its_shape_and_translation() {
 #[test]
 fn a_mano_models_mean_pose_is_added_unless_the_pose_is_from_the_flat_hand() {
     let folder = tempfile::tempdir().unwrap();
-    let model = read_mano(&tiny_mano(), &ManoOptions::default()).unwrap();
+    let model = read_mano(&tiny_mano(), &ManoOptions::default()).unwrap().model;
     let given = Pose { rotations: vec![DVec3::new(0.1, 0.2, 0.3), DVec3::new(-0.4, 0.1, 0.2)], translation: DVec3::X };
     let shape = vec![0.5; model.shape_count()];
     let rows: Vec<[f64; 3]> = given.rotations.iter().map(|r| r.to_array()).collect();
@@ -166,7 +166,8 @@ fn poses_are_made_for_an_avatar_and_drive_avatars_of_other_joints() {
     }
     // So do poses that ghand wrote for the finer procedural hand, except for the last bones: they point to the end of the
     // skin, which is some millimetres off in a coarse mesh.
-    write_rigged_glb(&folder.path().join("fine.glb"), &ProceduralHand::default().build().unwrap()).unwrap();
+    let fine = rigged_glb(&ProceduralHand::default().build().unwrap()).unwrap();
+    std::fs::write(folder.path().join("fine.glb"), fine).unwrap();
     pose(&["--hand-model", "fine.glb", "--pose", "fist", "--out", "large.json"]);
     pose(&["--hand-model", "renamed.ghand", "--pose", "large.json", "--out", "mesh.obj"]);
     let off =
@@ -241,7 +242,8 @@ fn a_rigged_hand_is_exported_and_read_back() {
         String::from_utf8_lossy(&output.stdout).into_owned()
     };
     assert!(said(&["builtin", "--out", "hand.glb"]).contains("25 joints, 10 shapes, 216 pose directions"));
-    let [read, built_in] = [read_gltf(&folder.path().join("hand.glb")), builtin_hand(Side::Right)].map(Result::unwrap);
+    let read = read_gltf(&folder.path().join("hand.glb"), None).unwrap().model;
+    let built_in = builtin_hand(Side::Right).unwrap();
     assert_eq!((read.vertices, read.shape_names), (built_in.vertices, built_in.shape_names));
     // An avatar has no correctives any more; its template is given new ones.
     save_avatar(folder.path());
@@ -338,7 +340,7 @@ fn every_program_that_opens_a_hand_warns_as_inspect_does() {
             "do not tell ring 1, ring 2, ring 3, counted from the palm (joints without a part: spring1",
         ),
     ] {
-        write_rigged_glb(&folder.path().join(name), &model).unwrap();
+        std::fs::write(folder.path().join(name), rigged_glb(&model).unwrap()).unwrap();
         let told = |arguments: &[&str]| {
             let output = run(GHAND, folder.path(), arguments);
             assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
@@ -363,7 +365,7 @@ fn every_program_that_opens_a_hand_warns_as_inspect_does() {
 fn inspect_lists_the_part_of_each_joint() {
     let folder = tempfile::tempdir().unwrap();
     let model = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap();
-    write_rigged_glb(&folder.path().join("hand.glb"), &model).unwrap();
+    std::fs::write(folder.path().join("hand.glb"), rigged_glb(&model).unwrap()).unwrap();
     let output = run(GHAND, folder.path(), &["inspect", "hand.glb"]);
     let told = String::from_utf8_lossy(&output.stdout);
     for (joint, part) in [("wrist", "wrist"), ("thumb1", "thumb 1"), ("pinky3", "little 3")] {

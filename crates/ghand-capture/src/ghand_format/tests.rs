@@ -4,9 +4,8 @@ use std::sync::LazyLock;
 use ghand_core::{Camera, HandModel, Pose, Side};
 use ghand_files::atomic_file::write_atomically;
 use ghand_hand_model::files::gltf::read_gltf_bytes;
-use ghand_hand_model::files::rigged_glb::{rigged_glb_bytes, write_rigged_glb};
 use ghand_test_support::procedural_hand::ProceduralHand;
-use ghand_test_support::shared;
+use ghand_test_support::{rigged_glb, shared};
 use glam::{DMat3, DVec3};
 use serde_json::{Value, json};
 
@@ -18,13 +17,12 @@ fn hand() -> HandModel {
 }
 
 /// The file of that hand.
-static HAND_FILE: LazyLock<Vec<u8>> = LazyLock::new(|| rigged_glb_bytes(&hand()).unwrap());
+static HAND_FILE: LazyLock<Vec<u8>> = LazyLock::new(|| rigged_glb(&hand()).unwrap());
 
 /// A small valid capture in its own folder, with images of 4 x 3 pixels.
 pub(super) fn sample(root: &Path) -> Capture {
     // Built once, because it would take most of the time of many small tests.
-    static HAND_MODEL: LazyLock<HandModel> =
-        LazyLock::new(|| read_gltf_bytes("hand.glb", &HAND_FILE, None).unwrap().model);
+    static HAND_MODEL: LazyLock<HandModel> = LazyLock::new(|| read_gltf_bytes("hand.glb", &HAND_FILE).unwrap().model);
     let file = root.join("hand.glb");
     write_atomically(&file, &HAND_FILE).unwrap();
     let hand_model = HandModel { name: file.display().to_string(), ..HAND_MODEL.clone() };
@@ -235,7 +233,7 @@ fn oddities_of_a_captures_own_hand_model_are_told() {
     ] {
         let folder = tempfile::tempdir().unwrap();
         sample(folder.path()).save().unwrap();
-        write_rigged_glb(&folder.path().join("hand.glb"), &model).unwrap();
+        std::fs::write(folder.path().join("hand.glb"), rigged_glb(&model).unwrap()).unwrap();
         let opened = Capture::open_with(folder.path(), &Default::default());
         let told = opened.map_or_else(|error| error.to_string(), |opened| opened.warnings.join("; "));
         assert!(told.contains(expected), "{told}");

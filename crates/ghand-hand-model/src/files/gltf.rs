@@ -45,16 +45,8 @@ pub struct GltfFile {
     pub warnings: Vec<String>,
 }
 
-/// Reads a rigged hand; see [`read_gltf_with_warnings`].
-///
-/// # Errors
-/// As in [`read_gltf_with_warnings`].
-pub fn read_gltf(path: &Path) -> Result<HandModel, HandModelError> {
-    Ok(read_gltf_with_warnings(path)?.model)
-}
-
-/// Reads a rigged hand from a `.glb` file, or from a `.gltf` file with its buffers beside it: the right one, if there are
-/// two.
+/// Reads a rigged hand from a `.glb` file, or from a `.gltf` file with its buffers beside it. Of two hands it is the one
+/// of the `wanted` side, else the right one; a file's only hand is read in any case.
 ///
 /// All meshes of the hand's skeleton are read as one. The unit is that of glTF, metres, and the axes are those of the
 /// world: nodes above the skeleton scale and turn the hand, but the origin stays that of the mesh. The rest pose is that
@@ -74,15 +66,7 @@ pub fn read_gltf(path: &Path) -> Result<HandModel, HandModelError> {
 /// [`HandModelError::Io`] if a file cannot be read. [`HandModelError::Invalid`] names the file, the part and a remedy
 /// if it is not glTF 2.0, has no skin, no UVs or unusable numbers, is compressed or quantized, is far larger than any
 /// hand, or has buffers outside its folder.
-pub fn read_gltf_with_warnings(path: &Path) -> Result<GltfFile, HandModelError> {
-    read_gltf_side(path, None)
-}
-
-/// Reads the hand of that side from a file that may have both; a file's only hand is read in any case.
-///
-/// # Errors
-/// As in [`read_gltf_with_warnings`].
-pub fn read_gltf_side(path: &Path, wanted: Option<Side>) -> Result<GltfFile, HandModelError> {
+pub fn read_gltf(path: &Path, wanted: Option<Side>) -> Result<GltfFile, HandModelError> {
     let name = path.display().to_string();
     let io = |error| HandModelError::Io { path: path.to_path_buf(), source: error };
     let Some(bytes) = input_file::read(path, MAX_BYTES).map_err(io)? else {
@@ -92,13 +76,13 @@ pub fn read_gltf_side(path: &Path, wanted: Option<Side>) -> Result<GltfFile, Han
     read_hand(&name, &bytes, Some(path.parent().unwrap_or(Path::new(""))), wanted)
 }
 
-/// Reads the bytes of a file as [`read_gltf_with_warnings`] does. `name` is the file's, for messages and for the side;
-/// `folder` contains the other files that it refers to; without a folder, such a reference is an error.
+/// Reads the bytes of a file as [`read_gltf`] does. `name` is the file's, for messages and for the side. References to
+/// other files are an error.
 ///
 /// # Errors
-/// As in [`read_gltf_with_warnings`].
-pub fn read_gltf_bytes(name: &str, bytes: &[u8], folder: Option<&Path>) -> Result<GltfFile, HandModelError> {
-    read_hand(name, bytes, folder, None)
+/// As in [`read_gltf`].
+pub fn read_gltf_bytes(name: &str, bytes: &[u8]) -> Result<GltfFile, HandModelError> {
+    read_hand(name, bytes, None, None)
 }
 
 fn read_hand(

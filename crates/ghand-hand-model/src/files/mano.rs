@@ -83,14 +83,6 @@ pub struct ManoFile {
     pub warnings: Vec<String>,
 }
 
-/// Reads a MANO model; see [`read_mano_with_warnings`].
-///
-/// # Errors
-/// As in [`read_mano_with_warnings`].
-pub fn read_mano(path: &Path, options: &ManoOptions) -> Result<HandModel, HandModelError> {
-    Ok(read_mano_with_warnings(path, options)?.model)
-}
-
 /// Reads a MANO model from a pickle or an `.npz` archive, recognised from its contents.
 ///
 /// Keys: `v_template` (V, 3), `f` (F, 3), `weights` (V, n_b), `kintree_table` (2, n_b), `J_regressor` (n_b, V; sparse
@@ -108,18 +100,18 @@ pub fn read_mano(path: &Path, options: &ManoOptions) -> Result<HandModel, HandMo
 /// [`HandModelError::Io`] if a file cannot be read. [`HandModelError::Invalid`] names the file, the key and a remedy
 /// if it is larger than 256 MiB, damaged, the model of a whole body, names a class or function that no hand model needs, lacks a key, or has an
 /// invalid shape, index or number.
-pub fn read_mano_with_warnings(path: &Path, options: &ManoOptions) -> Result<ManoFile, HandModelError> {
+pub fn read_mano(path: &Path, options: &ManoOptions) -> Result<ManoFile, HandModelError> {
     let bytes = read_file(path)?;
     // An unreadable right model is not a reason to reject the left one.
     let right = side::right_beside(path).and_then(|right| read_file(&right).ok());
     read_mano_bytes(&path.display().to_string(), &bytes, right.as_deref(), options)
 }
 
-/// Reads the bytes of a file as [`read_mano_with_warnings`] does. `name` is the file's, for messages and for the side;
+/// Reads the bytes of a file as [`read_mano`] does. `name` is the file's, for messages and for the side;
 /// `right` are the bytes of the matching right model, to compare a left model with.
 ///
 /// # Errors
-/// As in [`read_mano_with_warnings`].
+/// As in [`read_mano`].
 pub fn read_mano_bytes(
     name: &str,
     bytes: &[u8],

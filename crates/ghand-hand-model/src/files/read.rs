@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use ghand_core::{HandModel, Side};
 
-use super::gltf::read_gltf_side;
-use super::mano::{LeftShapes, ManoOptions, read_mano_with_warnings};
+use super::gltf::read_gltf;
+use super::mano::{LeftShapes, ManoOptions, read_mano};
 use crate::HandModelError;
 use crate::inspection;
 
@@ -63,15 +63,15 @@ pub fn file_and_side(path: &Path) -> (PathBuf, Option<Side>) {
 /// Reads a rigged glTF hand; of a file with both hands that of the wanted side, else the right one.
 ///
 /// # Errors
-/// As in [`read_gltf_side`].
+/// As in [`read_gltf`].
 pub fn read_gltf_hand(path: &Path, wanted: Option<Side>) -> Result<HandModelFile, HandModelError> {
-    let file = read_gltf_side(path, wanted)?;
+    let file = read_gltf(path, wanted)?;
     let warnings = [file.warnings, inspection::warnings(&file.model)].concat();
     Ok(HandModelFile { model: file.model, kind: "rigged glTF hand", warnings })
 }
 
 fn read_mano_hand(path: &Path, side: Option<Side>, left_shapes: LeftShapes) -> Result<HandModelFile, HandModelError> {
-    let file = read_mano_with_warnings(path, &ManoOptions { side, left_shapes })?;
+    let file = read_mano(path, &ManoOptions { side, left_shapes })?;
     let mut warnings = file.warnings;
     if file.has_left_shape_bug {
         warnings.push(match left_shapes {
@@ -104,13 +104,15 @@ fn is_gltf(path: &Path) -> bool {
 mod tests {
     use super::*;
     use crate::builtin::builtin_hand;
-    use crate::files::rigged_glb::write_rigged_glb;
+    use crate::files::rigged_glb::RiggedHand;
 
     #[test]
     fn a_side_after_the_name_chooses_a_hand_unless_that_is_a_files_name() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("hand.glb");
-        write_rigged_glb(&path, &builtin_hand(Side::Left).unwrap()).unwrap();
+        let left = builtin_hand(Side::Left).unwrap();
+        let glb = RiggedHand::default().document(&left).unwrap().finish().unwrap();
+        std::fs::write(&path, glb).unwrap();
         let named = |side: &str| PathBuf::from(format!("{}:{side}", path.display()));
         let read = |path: &Path| read_hand_model(path, LeftShapes::Fixed);
         assert_eq!(read(&named("left")).unwrap().model, read(&path).unwrap().model);

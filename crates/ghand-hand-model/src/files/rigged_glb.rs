@@ -11,8 +11,6 @@
 mod motion;
 mod skin;
 
-use std::path::Path;
-
 use ghand_core::mesh::RenderMesh;
 use ghand_core::posing::regress_joints;
 use ghand_core::{HandModel, Pose, Side};
@@ -29,18 +27,6 @@ pub use skin::{Gloss, Skin};
 const NO_EFFECT: f64 = 1e-6;
 /// Entries of a rotation.
 const FEATURES: usize = 9;
-
-/// The bytes of a GLB file with the model at rest in shape 0. Reading it gives the same model in single precision,
-/// except that regressed joints get shape directions of their own, and that a model has no pose space in glTF.
-///
-/// The nodes of the joints form the hierarchy and have no rotation at rest: rotations are about the axes of the model.
-///
-/// # Errors
-/// [`HandModelError::Invalid`] if the model breaks its invariants, a number is too large for single precision, or the
-/// file would be larger than GLB's 4 GiB.
-pub fn rigged_glb_bytes(model: &HandModel) -> Result<Vec<u8>, HandModelError> {
-    RiggedHand::default().document(model)?.finish()
-}
 
 /// What a file of a rigged hand has beside mesh, skeleton and shapes.
 #[derive(Debug, Clone, Copy, Default)]
@@ -61,10 +47,14 @@ pub struct RiggedHand<'a> {
 
 impl RiggedHand<'_> {
     /// A file with the model in its scene, in shape 0, to which more may be added. Node 0 is the root of the joints,
-    /// mesh and skin 0 are the hand's.
+    /// mesh and skin 0 are the hand's. Reading it gives the same model in single precision, except that regressed joints
+    /// get shape directions of their own, and that a model has no pose space in glTF.
+    ///
+    /// The nodes of the joints form the hierarchy and have no rotation at rest: rotations are about the axes of the model.
     ///
     /// # Errors
-    /// As for [`rigged_glb_bytes`], and if a pose or the names do not fit the model.
+    /// [`HandModelError::Invalid`] if the model breaks its invariants, a number is too large for single precision, or a
+    /// pose or the names do not fit the model.
     pub fn document<'m>(&self, model: &'m HandModel) -> Result<GlbDocument<'m>, HandModelError> {
         export::check(model, &model.vertices)?;
         let names = self.joint_names.unwrap_or(&model.joint_names);
@@ -127,14 +117,6 @@ impl RiggedHand<'_> {
         }
         Ok(document)
     }
-}
-
-/// Writes [`rigged_glb_bytes`] to a file atomically.
-///
-/// # Errors
-/// As for [`rigged_glb_bytes`]; [`HandModelError::Write`] if the file cannot be written.
-pub fn write_rigged_glb(path: &Path, model: &HandModel) -> Result<(), HandModelError> {
-    export::write(path, &rigged_glb_bytes(model)?)
 }
 
 /// The mesh with its vertices in the order of the model's, so that a reader who welds them finds that order.

@@ -85,16 +85,15 @@ fn arrays_of_the_corpus_and_changes_of_them_in_an_archive_give_numbers_or_an_err
 
 #[test]
 fn gltf_files_of_the_corpus_and_changes_of_them_give_a_valid_model_or_an_error() {
-    let (sound, inputs) = run("gltf", |bytes| Some(read_gltf_bytes("hand.glb", bytes, None).ok()?.model));
+    let (sound, inputs) = run("gltf", |bytes| Some(read_gltf_bytes("hand.glb", bytes).ok()?.model));
     assert!(sound >= 6 && inputs > sound, "{sound} of {inputs} inputs of the corpus are valid");
 }
 
 #[test]
 fn shapes_of_the_corpus_are_read_or_rejected_with_one_sentence() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus/gltf");
-    let read = |name: &str| {
-        read_gltf_bytes("hand.glb", &std::fs::read(folder.join(name)).unwrap(), None).map_err(|e| e.to_string())
-    };
+    let read =
+        |name: &str| read_gltf_bytes("hand.glb", &std::fs::read(folder.join(name)).unwrap()).map_err(|e| e.to_string());
     let sound = [
         ("two_targets.glb", 2, 0),
         ("targets_without_joint_shifts.glb", 2, 1),

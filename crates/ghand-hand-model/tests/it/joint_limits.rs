@@ -20,7 +20,10 @@ const MIRROR: DVec3 = DVec3::new(-1.0, 1.0, 1.0);
 /// of the right ones faces +X.
 fn pairs() -> Vec<[HandModel; 2]> {
     let procedural = |left| ProceduralHand { left, detail: 1, ..Default::default() }.build().unwrap();
-    let read = |folder: &str, side: &str| Some(read_gltf(&shared(&format!("assets/{folder}/{side}.glb"))?).unwrap());
+    let read = |folder: &str, side: &str| {
+        let path = shared(&format!("assets/{folder}/{side}.glb"))?;
+        Some(read_gltf(&path, None).unwrap().model)
+    };
     let files = ["generic-hand", "human-hand"]
         .into_iter()
         .filter_map(|folder| Some([read(folder, "right")?, read(folder, "left")?]));

@@ -14,7 +14,7 @@ use glam::DVec3;
 fn hands() -> Vec<[HandModel; 2]> {
     let mut plain = vec![HandModel { pose_directions: vec![], ..ProceduralHand::default().build().unwrap() }];
     for file in ["assets/human-hand/right.glb", "assets/human-hand/left.glb", "assets/generic-hand/right.glb"] {
-        plain.extend(shared(file).map(|path| read_gltf(&path).unwrap()));
+        plain.extend(shared(file).map(|path| read_gltf(&path, None).unwrap().model));
     }
     let fitted =
         |model: &HandModel| HandModel { pose_directions: fit_pose_directions(model).unwrap(), ..model.clone() };

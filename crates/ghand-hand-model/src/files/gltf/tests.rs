@@ -119,7 +119,7 @@ impl SmallHand {
     }
 
     fn read_with_warnings(&self) -> Result<GltfFile, HandModelError> {
-        read_gltf_bytes("small.glb", &self.glb(), None)
+        read_gltf_bytes("small.glb", &self.glb())
     }
 }
 
@@ -127,7 +127,7 @@ fn read_bytes(bytes: &[u8]) -> Result<HandModel, HandModelError> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("small.glb");
     std::fs::write(&path, bytes).unwrap();
-    read_gltf(&path)
+    Ok(read_gltf(&path, None)?.model)
 }
 
 #[test]
@@ -155,10 +155,10 @@ fn buffers_beside_a_gltf_file_are_found() {
     let path = folder.path().join("small.gltf");
     let hand = SmallHand::new().replace(r#""byteLength":432"#, r#""byteLength":432,"uri":"small.bin""#);
     std::fs::write(&path, &hand.json).unwrap();
-    let message = read_gltf(&path).unwrap_err().to_string();
+    let message = read_gltf(&path, None).unwrap_err().to_string();
     assert!(message.contains("small.bin"), "{message}");
     std::fs::write(folder.path().join("small.bin"), &hand.bytes).unwrap();
-    assert_eq!(read_gltf(&path).unwrap().vertices, SmallHand::new().read().unwrap().vertices);
+    assert_eq!(read_gltf(&path, None).unwrap().model.vertices, SmallHand::new().read().unwrap().vertices);
 }
 
 #[test]
@@ -224,7 +224,7 @@ fn a_file_truncated_anywhere_is_an_error_not_a_panic() {
 
 #[test]
 fn a_missing_file_is_named() {
-    let message = read_gltf(Path::new("no/such/hand.glb")).unwrap_err().to_string();
+    let message = read_gltf(Path::new("no/such/hand.glb"), None).unwrap_err().to_string();
     assert!(message.contains("no/such/hand.glb"), "{message}");
 }
 
@@ -232,7 +232,7 @@ fn a_missing_file_is_named() {
 fn both_generic_hands_have_the_25_webxr_joints_in_one_order() {
     for (file, side) in [("right.glb", Side::Right), ("left.glb", Side::Left)] {
         let Some(path) = generic_hand(file) else { return };
-        let model = read_gltf(&path).unwrap();
+        let model = read_gltf(&path, None).unwrap().model;
         assert_eq!(model.joint_names, WEBXR_JOINTS);
         assert_eq!(model.side, side);
         let parents = [0, 0, 1, 2, 3, 0, 5, 6, 7, 8, 0, 10, 11, 12, 13, 0, 15, 16, 17, 18, 0, 20, 21, 22, 23];
@@ -250,7 +250,7 @@ fn both_generic_hands_have_the_25_webxr_joints_in_one_order() {
 #[test]
 fn the_generic_hands_are_mirror_images_in_x() {
     let (Some(right), Some(left)) = (generic_hand("right.glb"), generic_hand("left.glb")) else { return };
-    let (right, left) = (read_gltf(&right).unwrap(), read_gltf(&left).unwrap());
+    let (right, left) = (read_gltf(&right, None).unwrap().model, read_gltf(&left, None).unwrap().model);
     for (name, (r, l)) in right.joint_names.iter().zip(right.joints.iter().zip(&left.joints)) {
         // The files' artist moved the hands by 2 mm and an index joint by 7: far less than the size of a hand.
         let mirrored = DVec3::new(-l.x, l.y, l.z);

@@ -42,7 +42,7 @@ fn a_written_file_has_the_models_points_and_seams() {
 
 /// The generic hand, if it is beside the checkout.
 fn generic_hand() -> Option<HandModel> {
-    shared("assets/generic-hand/right.glb").map(|path| read_gltf(&path).unwrap())
+    shared("assets/generic-hand/right.glb").map(|path| read_gltf(&path, None).unwrap().model)
 }
 
 /// Vertex, UV point of each corner of the faces, counted from 0.

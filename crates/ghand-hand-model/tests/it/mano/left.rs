@@ -1,7 +1,7 @@
 //! The side of a hand, and the bug of the published left model.
 
 use ghand_core::Side;
-use ghand_hand_model::files::mano::{LeftShapes, ManoFile, ManoOptions, read_mano_bytes, read_mano_with_warnings};
+use ghand_hand_model::files::mano::{LeftShapes, ManoFile, ManoOptions, read_mano, read_mano_bytes};
 use glam::DVec3;
 
 use ghand_test_support::mano_files::hands::{Hand, as_pickle};
@@ -89,8 +89,8 @@ fn the_right_model_is_found_beside_the_left_one() {
     let mut left = right.mirrored();
     left.shape_directions = right.shape_directions.clone();
     std::fs::write(&path, as_pickle(&left.published())).unwrap();
-    assert!(!read_mano_with_warnings(&path, &ManoOptions::default()).unwrap().has_left_shape_bug);
+    assert!(!read_mano(&path, &ManoOptions::default()).unwrap().has_left_shape_bug);
     std::fs::write(folder.path().join("MANO_RIGHT.pkl"), as_pickle(&right.published())).unwrap();
-    let file = read_mano_with_warnings(&path, &ManoOptions::default()).unwrap();
+    let file = read_mano(&path, &ManoOptions::default()).unwrap();
     assert!(file.has_left_shape_bug && file.warnings.is_empty());
 }

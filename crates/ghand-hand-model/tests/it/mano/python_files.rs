@@ -4,7 +4,7 @@ use std::path::Path;
 
 use ghand_core::{HandModel, Side};
 use ghand_files::npz::Npz;
-use ghand_hand_model::files::mano::{ManoOptions, read_mano_with_warnings};
+use ghand_hand_model::files::mano::{ManoOptions, read_mano};
 use glam::DVec3;
 
 fn folder() -> std::path::PathBuf {
@@ -41,7 +41,7 @@ fn pickles_of_all_protocols_and_archives_are_read_to_the_last_bit() {
     let pickles = (0..=5).map(|protocol| format!("protocol{protocol}.pkl"));
     for name in pickles.chain(["stored.npz".into(), "deflated.npz".into()]) {
         let options = ManoOptions { side: Some(Side::Right), ..Default::default() };
-        let file = read_mano_with_warnings(&folder().join(&name), &options).unwrap();
+        let file = read_mano(&folder().join(&name), &options).unwrap();
         assert_is_the_hand(&file.model);
         assert_eq!(file.warnings, Vec::<String>::new(), "{name}");
     }

@@ -4,7 +4,7 @@
 use serde_json::{Value, json};
 
 use super::*;
-use crate::files::rigged_glb::rigged_glb_bytes;
+use crate::files::rigged_glb::RiggedHand;
 use crate::joints::names::{Finger, finger_joints};
 use ghand_test_support::procedural_hand::ProceduralHand;
 
@@ -19,7 +19,7 @@ impl Rig {
     /// A right hand: joints 0 to 15 with MANO's names, and the mesh.
     fn hand() -> Rig {
         let model = ProceduralHand { detail: 1, ..Default::default() }.build().unwrap().without_blend_shapes();
-        let glb = rigged_glb_bytes(&model).unwrap();
+        let glb = RiggedHand::default().document(&model).unwrap().finish().unwrap();
         let length = u32::from_le_bytes(glb[12..16].try_into().unwrap()) as usize;
         let mut json: Value = serde_json::from_slice(&glb[20..20 + length]).unwrap();
         json["skins"][0].as_object_mut().unwrap().remove("extras");

@@ -205,7 +205,7 @@ fn sparse_and_missing_displacements_are_zero_elsewhere() {
 
 /// The human hand, if it is beside the checkout.
 fn human_hand(file: &str) -> Option<HandModel> {
-    shared(&format!("assets/human-hand/{file}")).map(|path| read_gltf(&path).unwrap())
+    shared(&format!("assets/human-hand/{file}")).map(|path| read_gltf(&path, None).unwrap().model)
 }
 
 #[test]

@@ -30,7 +30,7 @@ impl LooseHand {
     }
 
     fn read(&self) -> Result<HandModel, HandModelError> {
-        read_gltf(&self.folder.path().join("small.gltf"))
+        Ok(read_gltf(&self.folder.path().join("small.gltf"), None)?.model)
     }
 }
 
