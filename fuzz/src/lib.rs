@@ -3,7 +3,7 @@
 use ghand_core::HandModel;
 use ghand_files::Value;
 use ghand_motion::live::{LiveOptions, LivePoses};
-use ghand_motion::pose_sequence::poses_of_value;
+use ghand_motion::pose_sequence::poses_and_fit;
 use ghand_motion::{PoseError, PoseOptions, PoseSequence};
 
 /// Names of arrays that readers of poses ask for.
@@ -67,7 +67,7 @@ pub fn read_pose_arrays(mut bytes: &[u8], model: &HandModel) -> Result<PoseSeque
         }
         bytes = rest;
     }
-    poses_of_value("file", &Value::Map(arrays), model, &PoseOptions::default())
+    Ok(poses_and_fit("file", &Value::Map(arrays), model, &PoseOptions::default())?.0)
 }
 
 /// Reads lines as the packets of a stream, 30 per second. Returns the number of usable ones.

@@ -20,7 +20,7 @@ use glam::DVec3;
 use crate::PoseError;
 use crate::ik::{HandIk, LANDMARK_COUNT};
 use crate::one_euro::PoseFilter;
-use crate::pose_sequence::{Motion, PoseOptions, Recording, Source, mano_rows, recording, rows, side_name};
+use crate::pose_sequence::{Motion, PoseOptions, Recording, Source, mano_rows, recording, rows};
 use crate::rest_skeleton::RestSkeleton;
 use crate::retarget::{Retarget, mirrored_point};
 
@@ -202,11 +202,10 @@ impl LivePoses {
         if side == own || !(own_only || is_recent) {
             return Ok(());
         }
-        let [theirs, own] = [side, own].map(side_name);
         if own_only {
-            return Err(source.invalid("side", format!("shows only a {theirs} hand, and this is a {own} one")));
+            return Err(source.invalid("side", format!("shows only a {side} hand, and this is a {own} one")));
         }
-        Err(source.invalid("side", format!("shows only a {theirs} hand, just after packets with a {own} one")))
+        Err(source.invalid("side", format!("shows only a {side} hand, just after packets with a {own} one")))
     }
 
     /// The pose that places the model's joints at the landmarks, as far as its skeleton allows.

@@ -43,7 +43,7 @@ use time::gaps;
 use time::timeline::Timeline;
 pub use transfer::landmark_report::LandmarkFit;
 use transfer::to_model::retargeted;
-pub(crate) use transfer::to_model::{mano_rows, rows, side_name};
+pub(crate) use transfer::to_model::{mano_rows, rows};
 use transfer::{landmark_fit, plausibility};
 
 /// Default rate, frames per second.
@@ -177,26 +177,18 @@ pub fn read_poses_bytes(
     options: &PoseOptions,
 ) -> Result<PoseSequence, PoseError> {
     let value = Value::from_bytes(bytes).map_err(|source| PoseError::File { path: origin.into(), source })?;
-    poses_of_value(origin, &value, model, options)
+    Ok(poses_and_fit(origin, &value, model, options)?.0)
 }
 
 /// Reads a file of this kind; `None` for another kind.
 type Reader = fn(&Source, &Value) -> Option<Result<Recording, PoseError>>;
 
 /// Makes poses for a hand model from the content of a file. `origin` is the file's name, as for [`read_poses_bytes`].
+/// Landmarks come with how well a hand fits them.
 ///
 /// # Errors
 /// As in [`read_poses`].
-pub fn poses_of_value(
-    origin: &str,
-    value: &Value,
-    model: &HandModel,
-    options: &PoseOptions,
-) -> Result<PoseSequence, PoseError> {
-    Ok(poses_and_fit(origin, value, model, options)?.0)
-}
-
-fn poses_and_fit(
+pub fn poses_and_fit(
     origin: &str,
     value: &Value,
     model: &HandModel,
@@ -232,8 +224,7 @@ fn poses_and_fit(
         }
     };
     if side != model.side {
-        let [theirs, own] = [side, model.side].map(side_name);
-        warnings.push(format!("the poses are of a {theirs} hand, mirrored for this {own} one"));
+        warnings.push(format!("the poses are of a {side} hand, mirrored for this {} one", model.side));
     }
     if frames.is_empty() {
         return Err(source.invalid("frames", "there are none; give at least one".into()));

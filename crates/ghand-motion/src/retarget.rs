@@ -13,8 +13,8 @@
 //! The mirror image in x of a pose is a pose of the mirrored hand: `M R M` with `M = diag(-1, 1, 1)` turns the
 //! axis-angle vector (x, y, z) into (x, -y, -z). Mirroring takes place before matching.
 
+use ghand_core::Pose;
 use ghand_core::rotation::{axis_angle_from_rotation, rotation_from_axis_angle};
-use ghand_core::{Pose, Side};
 use ghand_hand_model::joints::names::JointRole;
 use glam::{DMat3, DVec3};
 
@@ -59,7 +59,7 @@ impl Retarget {
 
     /// The pose of the target that corresponds to a pose of the source. Joints without a rotation are at rest.
     pub fn pose(&self, pose: &Pose) -> Pose {
-        let pose = if self.mirror { mirrored(pose) } else { pose.clone() };
+        let pose = if self.mirror { pose.mirrored() } else { pose.clone() };
         let mut source: Vec<DMat3> = Vec::with_capacity(self.source_parents.len());
         for (joint, parent) in self.source_parents.iter().enumerate() {
             let own = rotation_from_axis_angle(pose.rotations.get(joint).copied().unwrap_or_default());
@@ -78,26 +78,11 @@ impl Retarget {
         }
         Pose { rotations, translation: self.source_wrist + pose.translation - self.target_wrist }
     }
-
-    /// Number of driven joints of the target.
-    pub fn matched_count(&self) -> usize {
-        self.matches.iter().flatten().count()
-    }
-}
-
-/// The pose of the other hand that is the mirror image in x.
-pub fn mirrored(pose: &Pose) -> Pose {
-    pose.mirrored()
 }
 
 /// A point mirrored in x.
 pub fn mirrored_point(point: DVec3) -> DVec3 {
     DVec3::new(-point.x, point.y, point.z)
-}
-
-/// The other hand.
-pub fn other_side(side: Side) -> Side {
-    side.other()
 }
 
 #[cfg(test)]

@@ -1,7 +1,6 @@
 //! What the page knows about a hand, as JSON; `web/ghand-avatar.d.ts` has its types.
 
 use ghand_avatar::PropertyTables;
-use ghand_core::Side;
 use ghand_hand_model::joints::limits::JointLimits;
 use ghand_hand_model::joints::names::JointRole;
 use serde_json::{Value, json};
@@ -25,7 +24,7 @@ pub fn of_hand(hand: &Hand) -> Value {
     });
     json!({
         "name": model.name,
-        "side": if model.side == Side::Left { "left" } else { "right" },
+        "side": model.side.to_string(),
         "joints": joints.collect::<Vec<_>>(),
         "gaussians": avatar.template.len(),
         "baked": matches!(avatar.tables, PropertyTables::Baked(_)),

@@ -18,7 +18,6 @@
 //! Sources that give a whole arc do not say where a hand at rest is within it. How the table divides an arc is our choice
 //! and noted there.
 
-use ghand_core::rotation::{axis_angle_from_rotation, rotation_from_axis_angle};
 use ghand_core::{HandModel, Pose};
 use glam::DVec3;
 use rand::{Rng, RngExt};
@@ -112,36 +111,9 @@ pub const COUPLED_RATIO: f64 = 2.0 / 3.0;
 /// See [`COUPLED_RATIO`]; radians.
 pub const COUPLED_SPREAD: f64 = 20f64.to_radians();
 
-/// The pose with every angle in its range: those outside are moved to the nearer end. The root's rotation, joints of
-/// unknown role and the translation stay. `None` if the names of the model's joints do not identify the three joints of
-/// each finger.
-pub fn clamp_to_limits(model: &HandModel, pose: &Pose) -> Option<Pose> {
-    let joints = JointRole::of_joints(&model.joint_names).into_iter().zip(JointAxes::of_joints(model)?);
-    let mut clamped = pose.clone();
-    for (rotation, (role, axes)) in clamped.rotations.iter_mut().zip(joints).skip(1) {
-        let Some(role) = role else { continue };
-        let angles = axes.angles(shortest(*rotation)).to_array();
-        let ranges = JointLimits::of(role).ranges();
-        let within: [f64; 3] = std::array::from_fn(|k| ranges[k].clamp(angles[k]));
-        if within != angles {
-            *rotation = axes.rotation(DVec3::from_array(within));
-        }
-    }
-    Some(clamped)
-}
-
-/// The same rotation by at most half a turn.
-fn shortest(rotation: DVec3) -> DVec3 {
-    if rotation.length() > std::f64::consts::PI {
-        axis_angle_from_rotation(&rotation_from_axis_angle(rotation))
-    } else {
-        rotation
-    }
-}
-
 /// A pose whose angles are uniform in their ranges, each alone, but for the last hinge of a finger, which is uniform in
 /// what the one before allows. The root turns as a wrist on a resting forearm does. Fingers may penetrate each other.
-/// `None` as in [`clamp_to_limits`].
+/// `None` if the names of the model's joints do not identify the three joints of each finger.
 pub fn random_pose(model: &HandModel, rng: &mut impl Rng) -> Option<Pose> {
     let joints = JointRole::of_joints(&model.joint_names).into_iter().zip(JointAxes::of_joints(model)?);
     let mut pose = Pose::rest(model.joint_count());

@@ -8,7 +8,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::*;
-use crate::retarget::{mirrored, mirrored_point};
+use crate::retarget::mirrored_point;
 use crate::test_hands::{generic, hands, larger, natural_motion, natural_pose, procedural, vector};
 
 /// Largest distance between the joints of two poses, metres; NaN if one is NaN.
@@ -121,7 +121,7 @@ fn the_mirrored_hand_is_found_from_mirrored_landmarks() {
         let pose = natural_pose(right, &mut rng);
         let seen = ik(right).landmarks(&pose).map(mirrored_point);
         let solution = ik(left).solve(&seen, None).unwrap();
-        let error = joint_error(left, &mirrored(&pose), &solution.pose);
+        let error = joint_error(left, &pose.mirrored(), &solution.pose);
         assert!(error < 5e-4, "{error}");
     }
 }

@@ -168,8 +168,7 @@ fn content(path: &Path, cameras: usize, side: Side) -> Result<Content, PoseError
     if let Some(found) = own::frames(&path.display().to_string(), &value) {
         let found = found?;
         if found.side.is_some_and(|own| own != side) {
-            let which = if side == Side::Left { "left" } else { "right" };
-            return Err(invalid(path, "side", format!("is of the other hand; give landmarks of the {which} hand")));
+            return Err(invalid(path, "side", format!("is of the other hand; give landmarks of the {side} hand")));
         }
         let fps = value.get("fps").and_then(Value::number);
         let is_mediapipe = found.is_mediapipe;

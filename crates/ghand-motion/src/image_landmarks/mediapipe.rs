@@ -9,7 +9,6 @@ use super::view::{Content, Landmarks, Problem, View, Views, point, problem};
 use super::{LANDMARK_COUNT, MEDIAPIPE_TIP_INSET};
 use crate::pose_sequence::formats::landmarks::{IMAGE_NAMES, SIDE_NAMES, all_sides, find};
 use crate::pose_sequence::reading::source::{frames_of, own_id};
-use crate::retarget::other_side;
 
 /// Names of the hands of the holistic model.
 fn holistic_names(side: Side) -> [&'static str; 2] {
@@ -51,7 +50,7 @@ fn content(frames: &[Value], side: Side) -> Result<Content, Problem> {
     let mut view = of(side)?;
     let mut remarks = vec![];
     if !is_seen(&view) {
-        let other = of(other_side(side))?;
+        let other = of(side.other())?;
         if is_seen(&other) {
             view = other;
             let [wanted, named] = if side == Side::Right { ["right", "left"] } else { ["left", "right"] };

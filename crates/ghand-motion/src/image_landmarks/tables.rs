@@ -138,10 +138,9 @@ fn places(columns: &[Option<(String, Axis)>], side: Side) -> Result<[[Option<usi
     if count >= LEAST_NAMES {
         return Ok(places);
     }
-    let which = if side == Side::Left { "left" } else { "right" };
     let shown: Vec<&str> = names.iter().copied().take(MOST_SHOWN).collect();
     let text = format!(
-        "names {count} of the {LANDMARK_COUNT} landmarks of a {which} hand, at least {LEAST_NAMES} are needed; name them \
+        "names {count} of the {LANDMARK_COUNT} landmarks of a {side} hand, at least {LEAST_NAMES} are needed; name them \
          wrist, thumb_cmc, thumb_mcp, thumb_ip, thumb_tip, index_mcp, index_pip, index_dip, index_tip and so on (it has {})",
         shown.join(", ")
     );

@@ -344,10 +344,8 @@ fn tables_of_deeplabcut_anipose_and_others_are_read() {
     let row = |first: &str, cells: &mut dyn Iterator<Item = String>| {
         std::iter::once(first.to_owned()).chain(cells).collect::<Vec<_>>().join(",")
     };
-    let names: Vec<String> = [Side::Right, Side::Left]
-        .into_iter()
-        .flat_map(|side| NAMES.map(|name| format!("{}_{name}", if side == Side::Left { "left" } else { "right" })))
-        .collect();
+    let names: Vec<String> =
+        [Side::Right, Side::Left].into_iter().flat_map(|side| NAMES.map(|name| format!("{side}_{name}"))).collect();
     let values = |view: usize, frame: usize| -> Vec<String> {
         let sides = [Side::Right, Side::Left].into_iter();
         let point = |(side, k)| match is_missing(view, frame, k) {

@@ -80,7 +80,7 @@ fn every_kind_of_packet_gives_the_pose_that_a_file_with_it_gives() {
             (PacketKind::XrJoints, json!({"handedness": "left", "joints": xr_hand(&mut random)})),
             (PacketKind::XrJoints, json!(array)),
             (PacketKind::XrJoints, json!({"handedness": "right", "joints": array, "sent_ms": 1.5})),
-            (PacketKind::Landmarks, landmarks_packet(&landmarks_of(model, &pose), side_name(side))),
+            (PacketKind::Landmarks, landmarks_packet(&landmarks_of(model, &pose), &side.to_string())),
             (PacketKind::Landmarks, json!(landmarks_of(model, &pose).map(|p| p.to_array()))),
         ];
         for (kind, packet) in packets {
@@ -106,7 +106,7 @@ fn of_two_hands_the_one_of_the_model_is_taken() {
     let hands = [xr_hand(&mut random), xr_hand(&mut random)];
     let both = json!({"left": {"joints": hands[0]}, "right": {"joints": hands[1]}});
     for (side, hand) in [(Side::Left, &hands[0]), (Side::Right, &hands[1])] {
-        let name = side_name(side);
+        let name = side.to_string();
         let model = procedural(side);
         let read = |packet: &Json| LivePoses::default().read(&bytes(packet), model, 0.0, &AS_SENT).unwrap().pose;
         assert_eq!(read(&both), read(&json!({"handedness": name, "joints": hand})));
@@ -116,7 +116,7 @@ fn of_two_hands_the_one_of_the_model_is_taken() {
             (["left", "right"], points[usize::from(side == Side::Right)]),
         ] {
             let both = json!({"worldLandmarks": points.map(|hand| hand.map(|p| p.to_array())), "handedness": sides});
-            assert_eq!(read(&both), read(&landmarks_packet(&own, name)));
+            assert_eq!(read(&both), read(&landmarks_packet(&own, &name)));
         }
     }
 }

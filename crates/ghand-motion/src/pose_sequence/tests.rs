@@ -21,7 +21,7 @@ use serde_json::{Value as Json, json};
 
 use super::*;
 use crate::ik::HandIk;
-use crate::retarget::{Retarget, mirrored};
+use crate::retarget::Retarget;
 use crate::test_hands::{generic, larger, natural_pose, procedural};
 
 fn read(value: &Json, model: &HandModel) -> Result<PoseSequence, PoseError> {
@@ -254,8 +254,8 @@ fn joints_of_webxr_and_openxr_drive_a_hand_with_any_skeleton() {
             let expected: Vec<Pose> = poses.iter().map(|pose| way.pose(pose)).collect();
             assert_same(&read(file, hand).unwrap(), &expected, 1e-7);
             // On the other hand: the mirror image.
-            let other = procedural(crate::retarget::other_side(side));
-            let expected: Vec<Pose> = expected.iter().map(mirrored).collect();
+            let other = procedural(side.other());
+            let expected: Vec<Pose> = expected.iter().map(Pose::mirrored).collect();
             assert_same(&read(file, other).unwrap(), &expected, 1e-7);
         }
         let mut gaps = files[0].clone();
@@ -317,7 +317,7 @@ fn world_landmarks_are_fitted_and_image_landmarks_are_rejected() {
                 let off = off.fold(0.0, larger);
                 assert!(off < 1e-3, "{off}");
             }
-            let mirrored_hand = procedural(crate::retarget::other_side(side));
+            let mirrored_hand = procedural(side.other());
             let sequence = read(file, mirrored_hand).unwrap();
             assert!(sequence.warnings.iter().any(|w| w.contains("mirrored")), "{:?}", sequence.warnings);
         }

@@ -1,5 +1,6 @@
 #![allow(clippy::neg_cmp_op_on_partial_ord, reason = "`!(error <= bound)` rejects NaN too")]
 
+use ghand_core::Side;
 use ghand_core::posing::pose_hand;
 use ghand_core::skeleton::pose_skeleton;
 use ghand_hand_model::named_poses::{POSE_NAMES, named_pose};
@@ -117,12 +118,12 @@ fn a_mirrored_pose_is_the_mirror_image() {
     for _ in 0..10 {
         let pose = natural_pose(right, &mut rng);
         let seen = pose_hand(right, &[], &pose).unwrap().vertices;
-        let image = pose_hand(left, &[], &mirrored(&pose)).unwrap().vertices;
+        let image = pose_hand(left, &[], &pose.mirrored()).unwrap().vertices;
         let worst = seen.iter().zip(&image).map(|(a, b)| mirrored_point(*a).distance(*b)).fold(0.0, larger);
         assert!(worst < 1e-12, "{worst}");
         let way = Retarget::new(&RestSkeleton::of(right).unwrap(), &RestSkeleton::of(left).unwrap());
         let other = way.pose(&pose);
-        for (a, b) in other.rotations.iter().zip(&mirrored(&pose).rotations) {
+        for (a, b) in other.rotations.iter().zip(&pose.mirrored().rotations) {
             assert!(difference(&rotation_from_axis_angle(*a), &rotation_from_axis_angle(*b)) < 1e-9);
         }
     }
@@ -133,7 +134,6 @@ fn named_poses_are_the_same_on_another_skeleton() {
     let Some(model) = generic(Side::Left) else { return };
     let (from, to) = (RestSkeleton::of(procedural(Side::Right)).unwrap(), RestSkeleton::of(&model).unwrap());
     let way = Retarget::new(&from, &to);
-    assert_eq!(way.matched_count(), 16);
     for name in POSE_NAMES {
         let carried = way.pose(&named_pose(name, procedural(Side::Right)).unwrap());
         let own = named_pose(name, &model).unwrap();

@@ -19,8 +19,7 @@ pub(super) fn find_side(model: &HandModel, name: &str, asked: Option<Side>, warn
         });
     };
     if by_shape.is_some_and(|by_shape| by_shape != known) {
-        let word = if known == Side::Left { "left" } else { "right" };
-        warnings.push(format!("is read as a {word} hand, but its thumb is on the other side"));
+        warnings.push(format!("is read as a {known} hand, but its thumb is on the other side"));
     }
     known
 }

@@ -102,7 +102,7 @@ pub(crate) fn to_value(frames: &[ImageFrame], fps: Option<f64>, side: Side, tip_
     };
     let tips = if tip_inset == 0.0 { "skin" } else { "inside" };
     let mut file = vec![
-        ("side".to_owned(), text(if side == Side::Left { "left" } else { "right" })),
+        ("side".to_owned(), text(&side.to_string())),
         ("tips".to_owned(), text(tips)),
         ("frames".to_owned(), Value::List(frames.iter().map(frame).collect())),
     ];

@@ -109,7 +109,7 @@ fn recording(
     let all: Vec<Hands> = frames.iter().map(hands).collect();
     let is = |own: &Option<Side>, wanted: Side| own.or(shared).is_none_or(|own| own == wanted);
     let has = |wanted: Side| all.iter().flatten().any(|(own, _)| is(own, wanted));
-    let side = if has(source.wanted) { source.wanted } else { crate::retarget::other_side(source.wanted) };
+    let side = if has(source.wanted) { source.wanted } else { source.wanted.other() };
     let mut found = Vec::new();
     let mut skipped = Skipped::default();
     let mut known_side = None;

@@ -48,7 +48,6 @@ use crate::average_hand::average_hand;
 use crate::pose_sequence::reading::known_layouts;
 use crate::pose_sequence::reading::recording::{LeftRotations, ManoRows};
 use crate::pose_sequence::reading::source::in_range;
-use crate::pose_sequence::transfer::to_model::side_name;
 use crate::pose_sequence::{Motion, PoseError, PoseFrame, Recording, Skipped, Source};
 use crate::rest_skeleton::RestSkeleton;
 use arrays::{arctic, hawor, is_arctic};
@@ -160,7 +159,7 @@ struct Chosen {
 /// The hands of the wanted side if one of them is usable, else those of the other.
 fn chosen(wanted: Side, hands: Vec<Hand>) -> Chosen {
     let has = |side: Side| hands.iter().any(|hand| hand.side == Some(side) && hand.frame.is_ok());
-    let other = crate::retarget::other_side(wanted);
+    let other = wanted.other();
     let side = match (has(wanted), has(other)) {
         (true, _) => Some(wanted),
         (false, true) => Some(other),
@@ -168,7 +167,7 @@ fn chosen(wanted: Side, hands: Vec<Hand>) -> Chosen {
     };
     let problem = hands.iter().filter(|hand| hand.side == Some(wanted)).find_map(|hand| {
         let problem = hand.frame.as_ref().err().filter(|problem| *problem != NO_HAND)?;
-        Some(format!("no {} hand can be used; frame {:?}: {problem}", side_name(wanted), hand.id))
+        Some(format!("no {wanted} hand can be used; frame {:?}: {problem}", hand.id))
     });
     let remark = problem.filter(|_| side == Some(other));
     // If none is usable, the error is about the wanted one.

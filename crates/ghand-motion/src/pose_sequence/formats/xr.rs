@@ -178,7 +178,7 @@ fn frames_of_joints(source: &Source, value: &Value, frames: &[Value]) -> Result<
                 .any(|(side, hand)| side.or(shared).is_none_or(|side| side == wanted) && joints(hand).is_some())
         })
     };
-    let other = crate::retarget::other_side(source.wanted);
+    let other = source.wanted.other();
     let side = if has(source.wanted) { source.wanted } else { other };
     let mut placed = Vec::new();
     let mut skipped = Skipped::default();

@@ -101,7 +101,7 @@ impl FileSkeleton {
         let rows = |points: &[DVec3]| points.iter().map(DVec3::to_array).collect::<Vec<_>>();
         let mut map = json!({"name": self.name, "joints": self.joint_names});
         if let Some(side) = self.side {
-            map["side"] = json!(if side == Side::Left { "left" } else { "right" });
+            map["side"] = json!(side.to_string());
         }
         if let Some(parents) = &self.parents {
             map["parents"] = parents.iter().map(|parent| parent.map_or(json!(-1), |parent| json!(parent))).collect();

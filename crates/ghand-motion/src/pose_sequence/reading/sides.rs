@@ -15,7 +15,7 @@ pub(crate) struct OneHand {
 
 /// The wanted hand if the value has it, else the other one; `None` for a value that does not separate hands.
 pub(crate) fn one_hand(value: &Value, wanted: Side) -> Option<OneHand> {
-    let other = crate::retarget::other_side(wanted);
+    let other = wanted.other();
     let of = |side: Side| hand(value, side).map(|hand| (side, hand));
     if let Some((side, hand)) = of(wanted).or_else(|| of(other)) {
         let inner = match hand {
@@ -40,9 +40,8 @@ pub(crate) fn one_hand(value: &Value, wanted: Side) -> Option<OneHand> {
         };
         found.push(with_small(inner, frame));
     }
-    let name = if side == Side::Left { "left" } else { "right" };
     let missing = frames.len() - found.len();
-    let warning = (missing > 0).then(|| format!("{missing} of {} frames have no {name} hand", frames.len()));
+    let warning = (missing > 0).then(|| format!("{missing} of {} frames have no {side} hand", frames.len()));
     let outer = Value::Map(vec![("frames".to_owned(), Value::List(found))]);
     Some(OneHand { side, value: with_small(outer, value), warning })
 }

@@ -6,7 +6,6 @@ use serde_json::{Value as Json, json};
 use super::super::*;
 use super::mano::mano;
 use super::{assert_same, difference, poses, read, read_with, right, rows, without_filled};
-use crate::retarget::mirrored;
 
 /// Components of a made MANO model: slightly mixed axes, so that each joint depends on several.
 fn with_components(side: Side) -> HandModel {
@@ -56,7 +55,7 @@ fn dyn_hamr_results_have_both_hands_and_left_ones_are_mirrored_with_their_place(
         "pose_body": part(&|p| json!(rows(p)[1..].concat())), "betas": [vec![0.1; 10], vec![0.2; 10]],
         "is_right": [[1, 1, 1], [0, 0, 0]], "world_scale": [[1.0]], "intrins": [600, 600, 320, 240],
     });
-    let left: Vec<Pose> = poses[3..].iter().map(mirrored).collect();
+    let left: Vec<Pose> = poses[3..].iter().map(Pose::mirrored).collect();
     let mut by_joint = results.clone();
     by_joint["pose_body"] = part(&|p| json!(rows(p)[1..]));
     by_joint["is_right"] = json!([1, 0]);
@@ -304,7 +303,8 @@ fn parts_that_cannot_be_read_are_said_whether_the_rest_is_read_or_not() {
         };
         Value::Map(vec![part("global_orient", &[2, 3]), part("hand_pose", &[2, 45]), part("betas", &[2, 10])])
     };
-    let read = |name: &str| poses_of_value("a.pt", &file(name), right(), &PoseOptions::default());
+    let read =
+        |name: &str| poses_and_fit("a.pt", &file(name), right(), &PoseOptions::default()).map(|(sequence, _)| sequence);
     let sequence = read("betas").unwrap();
     assert!(sequence.warnings.iter().any(|w| w.contains("\"betas\" is a quantised tensor")), "{:?}", sequence.warnings);
     for name in ["global_orient", "hand_pose"] {

@@ -5,7 +5,7 @@ use serde_json::json;
 
 use super::super::*;
 use super::{assert_same, difference, poses, read, read_with, rows, without_filled};
-use crate::retarget::{Retarget, mirrored};
+use crate::retarget::Retarget;
 use crate::test_hands::{hands, procedural};
 
 /// A model of MANO's joints in MANO's axes with a mean pose, from invented numbers: the built-in hand, rotated.
@@ -96,12 +96,12 @@ fn hamer_estimates_are_read_in_every_layout_and_left_ones_are_mirrored() {
         left[k]["is_right"] = json!(0);
     }
     let expected: Vec<Pose> =
-        poses.iter().map(|p| Pose { rotations: mirrored(p).rotations, translation: p.translation }).collect();
+        poses.iter().map(|p| Pose { rotations: p.mirrored().rotations, translation: p.translation }).collect();
     let sequence = read(&left, &mano(Side::Left)).unwrap();
     assert_same(&sequence, &expected, 1e-9);
     // On a right hand it is mirrored once more, with a warning.
     let sequence = read(&left, &model).unwrap();
-    let expected: Vec<Pose> = expected.iter().map(mirrored).collect();
+    let expected: Vec<Pose> = expected.iter().map(Pose::mirrored).collect();
     assert_same(&sequence, &expected, 1e-9);
     assert!(sequence.warnings.iter().any(|w| w.contains("left hand, mirrored")), "{:?}", sequence.warnings);
     // Frames with invalid matrices or numbers are skipped.

@@ -150,7 +150,7 @@ fn a_hand_of_the_other_side_without_a_skeleton_is_mirrored() {
     let poses = poses(right(), 2);
     let frames: Vec<Json> =
         poses.iter().map(|pose| json!({"pose": rows(pose), "translation": pose.translation.to_array()})).collect();
-    let expected: Vec<Pose> = poses.iter().map(mirrored).collect();
+    let expected: Vec<Pose> = poses.iter().map(Pose::mirrored).collect();
     for file in
         [json!({"side": "left", "frames": frames}), json!({"left": {"frames": frames}}), json!({"left": frames})]
     {

@@ -11,7 +11,7 @@ use crate::ik::person::sightings::{SeenFrame, Sighting, SightingPosition, WRONG}
 use crate::ik::person::{fit_person_and_cameras, model_poses};
 use crate::image_landmarks::ImageFrame;
 use crate::pose_sequence::reading::recording::LandmarkFrame;
-use crate::pose_sequence::{PoseError, PoseFrame, PoseOptions, Skipped, Source, side_name};
+use crate::pose_sequence::{PoseError, PoseFrame, PoseOptions, Skipped, Source};
 use crate::retarget::mirrored_point;
 
 /// A frame of which less than this part of the landmarks fits the hand has no pose: what is left does not say which of
@@ -58,9 +58,9 @@ pub(crate) fn from_images(
         return Err(source.invalid("image_landmarks", problem.into()));
     }
     if side != model.side {
-        let [theirs, own] = [side, model.side].map(side_name);
+        let own = model.side;
         let problem = format!(
-            "are of a {theirs} hand, which cannot be mirrored in images; give a {theirs} hand model, or --side {own} if \
+            "are of a {side} hand, which cannot be mirrored in images; give a {side} hand model, or --side {own} if \
              the file is wrong"
         );
         return Err(source.invalid("image_landmarks", problem));

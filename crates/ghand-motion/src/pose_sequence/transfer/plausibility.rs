@@ -10,7 +10,7 @@ use glam::{DQuat, DVec3};
 use super::proportions;
 use crate::ik::HandIk;
 use crate::pose_sequence::reading::recording::{LandmarkFrame, LeftRotations};
-use crate::pose_sequence::{Motion, PoseError, PoseFrame, PoseOptions, Recording, Source, between, side_name};
+use crate::pose_sequence::{Motion, PoseError, PoseFrame, PoseOptions, Recording, Source, between};
 use crate::rest_skeleton::RestSkeleton;
 
 /// Part of all rotations that may be longer than a turn: a tracker's optimiser may have gone round once.
@@ -89,7 +89,6 @@ pub(crate) fn side(
     };
     if let Some(given) = options.side {
         if let Some(seen) = seen.filter(|seen| *seen != given) {
-            let [seen, given] = [seen, given].map(side_name);
             warnings.push(format!(
                 "the fingers of the landmarks bend as a {seen} hand's, but are read as a {given} one's, as --side says"
             ));
@@ -98,9 +97,8 @@ pub(crate) fn side(
     }
     match (seen, stated) {
         (Some(seen), Some(stated)) if seen != stated => {
-            let [seen_name, stated] = [seen, stated].map(side_name);
             warnings.push(format!(
-                "the file says that the hand is a {stated} one, but its fingers bend as a {seen_name} hand's, and it is read as \
+                "the file says that the hand is a {stated} one, but its fingers bend as a {seen} hand's, and it is read as \
                  one; --side {stated} overrides this"
             ));
             seen
@@ -111,9 +109,8 @@ pub(crate) fn side(
             if let Motion::Mano(_) | Motion::WebXr { .. } | Motion::Landmarks { .. } | Motion::ImageLandmarks { .. } =
                 motion
             {
-                let name = side_name(of_model);
                 warnings.push(format!(
-                    "the file does not say which hand it is; it is read as a {name} one, as the model; --side overrides this"
+                    "the file does not say which hand it is; it is read as a {of_model} one, as the model; --side overrides this"
                 ));
             }
             of_model

@@ -16,7 +16,7 @@ use crate::pose_sequence::reading::recording::{LeftRotations, ManoRows, Rows};
 use crate::pose_sequence::reading::source::{OPENGL_AXES, in_range};
 use crate::pose_sequence::{PoseError, PoseFrame, PoseOptions, Source};
 use crate::rest_skeleton::RestSkeleton;
-use crate::retarget::{Retarget, mirrored, mirrored_point};
+use crate::retarget::{Retarget, mirrored_point};
 
 /// ghand's own rows for the model, and their original hand: unchanged if their skeleton is the model's, else
 /// transferred.
@@ -73,9 +73,8 @@ pub(crate) fn rows(
     if full.missing().is_empty() {
         let own = full.side.unwrap_or(model.side);
         if options.side.is_some_and(|wanted| wanted != own) {
-            let name = side_name(own);
             let problem = format!(
-                "the file says that the rows are of a {name} hand, which contradicts --side; omit --side: poses of the \
+                "the file says that the rows are of a {own} hand, which contradicts --side; omit --side: poses of the \
                  other hand are mirrored"
             );
             return Err(source.invalid("hand_model.side", problem));
@@ -160,7 +159,7 @@ fn order(source: &Source, rig: &FileSkeleton, names: &[String], frames: &mut [Po
 fn of_side(mut frames: Vec<PoseFrame>, side: Option<Side>, model: &HandModel) -> (Vec<PoseFrame>, Side) {
     let side = side.unwrap_or(model.side);
     if side != model.side {
-        frames.iter_mut().for_each(|frame| frame.pose = mirrored(&frame.pose));
+        frames.iter_mut().for_each(|frame| frame.pose = frame.pose.mirrored());
     }
     (frames, side)
 }
@@ -196,7 +195,7 @@ pub(crate) fn mano_rows(
     let ManoRows { mut frames, from_mean, opengl, left } = rows;
     if side == Side::Left && plausibility::is_mirrored(left, options.mirrored, warnings) {
         // The position is that in the picture, which was never mirrored.
-        frames.iter_mut().for_each(|frame| frame.pose.rotations = mirrored(&frame.pose).rotations);
+        frames.iter_mut().for_each(|frame| frame.pose.rotations = frame.pose.mirrored().rotations);
     }
     let from_mean = from_mean && !options.flat_mean;
     let target = RestSkeleton::of(model)?;
@@ -211,7 +210,7 @@ pub(crate) fn mano_rows(
     if mano::is_mano(&target) && given.is_none() {
         turn(&mut frames, &target);
         if side != model.side {
-            frames.iter_mut().for_each(|frame| frame.pose = mirrored(&frame.pose));
+            frames.iter_mut().for_each(|frame| frame.pose = frame.pose.mirrored());
         }
         if from_mean {
             add_mean(&mut frames, model);
@@ -227,11 +226,11 @@ pub(crate) fn mano_rows(
             if from_mean {
                 // The mean is that of the model's side; poses of the other hand are mirrored to it first.
                 if side != rig.side {
-                    frames.iter_mut().for_each(|frame| frame.pose = mirrored(&frame.pose));
+                    frames.iter_mut().for_each(|frame| frame.pose = frame.pose.mirrored());
                 }
                 add_mean(&mut frames, mano_model);
                 if side != rig.side {
-                    frames.iter_mut().for_each(|frame| frame.pose = mirrored(&frame.pose));
+                    frames.iter_mut().for_each(|frame| frame.pose = frame.pose.mirrored());
                 }
             }
             rig
@@ -247,7 +246,7 @@ pub(crate) fn mano_rows(
     if rig.side == side {
         return Ok(retargeted(frames, &rig, &target));
     }
-    frames.iter_mut().for_each(|frame| frame.pose = mirrored(&frame.pose));
+    frames.iter_mut().for_each(|frame| frame.pose = frame.pose.mirrored());
     Ok(retargeted(frames, &rig, &target))
 }
 
@@ -279,9 +278,4 @@ pub(crate) fn retargeted(frames: Vec<PoseFrame>, from: &RestSkeleton, to: &RestS
     let retarget = Retarget::new(from, to);
     let frame = |frame: PoseFrame| PoseFrame { pose: retarget.pose(&frame.pose), shape: vec![], id: frame.id };
     frames.into_iter().map(frame).collect()
-}
-
-/// For messages.
-pub(crate) fn side_name(side: Side) -> &'static str {
-    if side == Side::Left { "left" } else { "right" }
 }

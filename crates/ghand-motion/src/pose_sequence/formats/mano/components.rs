@@ -13,7 +13,6 @@ use glam::DVec3;
 use super::{Hand, estimates, first, flat, frame};
 use crate::pose_sequence::reading::refusal::COMPONENT_NAMES;
 use crate::pose_sequence::reading::source::{frames_of, id_of, side_of};
-use crate::pose_sequence::transfer::to_model::side_name;
 use crate::pose_sequence::{PoseError, Source};
 
 /// Rotations of a hand are this many numbers.
@@ -162,7 +161,6 @@ fn pose_space<'a>(source: &Source<'a>) -> Option<(&'a PoseSpace, Side)> {
 /// The rotations, from the mean pose, of a hand of that side.
 pub(super) fn rotations(source: &Source, side: Side, components: &[f64]) -> Result<Vec<f64>, String> {
     let count = components.len();
-    let name = side_name(side);
     let file = if side == Side::Right { "MANO_RIGHT.pkl" } else { "MANO_LEFT.pkl" };
     let Some((space, own)) = pose_space(source) else {
         return Err(format!(
@@ -172,9 +170,8 @@ pub(super) fn rotations(source: &Source, side: Side, components: &[f64]) -> Resu
     };
     if own != side {
         return Err(format!(
-            "has {count} principal components of a {name} hand, and the model is of a {} one, whose components are \
-             others; give --pose-model {file}",
-            side_name(own)
+            "has {count} principal components of a {side} hand, and the model is of a {own} one, whose components are \
+             others; give --pose-model {file}"
         ));
     }
     let directions = space.components.chunks_exact(ROTATIONS / 3);

@@ -10,7 +10,6 @@ use ghand_files::value::Value;
 
 use super::{Hand, NO_HAND, flat, frame};
 use crate::pose_sequence::{PoseError, Source};
-use crate::retarget::mirrored;
 
 const FINGERS: usize = 45;
 /// Masks of frames in which a hand is seen.
@@ -85,7 +84,7 @@ pub(super) fn hands(source: &Source, value: &Value) -> Result<Vec<Hand>, PoseErr
         };
         let side = sides.get(k).copied();
         if let (Ok(found), Some(Side::Left)) = (&mut found, side) {
-            found.pose = mirrored(&found.pose);
+            found.pose = found.pose.mirrored();
         }
         hands.push(Hand::new(id, side, found));
     }

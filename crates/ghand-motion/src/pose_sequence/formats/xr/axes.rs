@@ -11,9 +11,8 @@ use super::Joint;
 use crate::ik::LANDMARK_COUNT;
 use crate::pose_sequence::reading::recording::LandmarkFrame;
 use crate::pose_sequence::transfer::proportions::{XR_ORDER, back_of_hand, is_hand, side_by_bend, unit_problem};
-use crate::pose_sequence::{Motion, PoseError, PoseFrame, Recording, Skipped, Source, side_name};
+use crate::pose_sequence::{Motion, PoseError, PoseFrame, Recording, Skipped, Source};
 use crate::rest_skeleton::RestSkeleton;
-use crate::retarget::other_side;
 
 /// The median angle between -Z of a joint and the direction to the next one may be this, degrees: trackers and skeletons
 /// place joints a little beside the bones' axes.
@@ -141,7 +140,7 @@ pub(super) fn recording(
     };
     let assumed = side.or(bent).unwrap_or(source.wanted);
     // Of an unknown side, the frames may show the other one.
-    let other = side.is_none().then(|| other_side(assumed));
+    let other = side.is_none().then(|| assumed.other());
     let candidates = [Some(assumed), bent, other];
     let mut by_frames = candidates.into_iter().flatten().find(|side| most_have_axes(&frames, *side));
     let mut frames = frames;
@@ -154,9 +153,8 @@ pub(super) fn recording(
     }
     if let Some(found) = by_frames {
         if side.is_some_and(|side| side != found) {
-            let [theirs, own] = [found, assumed].map(side_name);
             warnings.push(format!(
-                "the file says that the hand is a {own} one, but its joints are a {theirs} hand's and are read so"
+                "the file says that the hand is a {assumed} one, but its joints are a {found} hand's and are read so"
             ));
         }
         let mut posed = vec![];
@@ -184,9 +182,8 @@ pub(super) fn recording(
     warnings.push(format!("the joints' orientations are not used ({cause}); the hand is fitted to their positions"));
     let is_mirrored = side.is_some_and(|side| bent.is_some_and(|bent| bent != side));
     if is_mirrored {
-        let name = side_name(assumed);
         warnings.push(format!(
-            "the positions are the mirror image of a {name} hand, as in a left-handed world such as Unity's, and are mirrored"
+            "the positions are the mirror image of a {assumed} hand, as in a left-handed world such as Unity's, and are mirrored"
         ));
     }
     let flip = if is_mirrored { DVec3::new(1.0, 1.0, -1.0) } else { DVec3::ONE };
