@@ -126,9 +126,9 @@ pub fn deform_vjp(
 ) -> DeformationGradients {
     let skin = d.skinning(&forward.rest, &forward.chain, &forward.residual_chain, pose);
     let d_skin = skin_vjp(&skin, d_posed);
-    let mut d_chain = pose_skeleton_vjp(d.parents, d.joints, &forward.chain, &d_skin.bones, &[]);
+    let mut d_chain = pose_skeleton_vjp(d.parents, d.joints, &forward.chain, &d_skin.bones);
     let d_residual_chain =
-        pose_skeleton_vjp(d.parents, &forward.residual_joints, &forward.residual_chain, &d_skin.residual_bones, &[]);
+        pose_skeleton_vjp(d.parents, &forward.residual_joints, &forward.residual_chain, &d_skin.residual_bones);
     d_chain.local.iter_mut().zip(&d_residual_chain.local).for_each(|(sum, d)| *sum += *d);
     if d.residual_skeleton_mode == ResidualSkeleton::Anchored {
         d_chain.joints.iter_mut().zip(&d_residual_chain.joints).for_each(|(sum, d)| *sum += *d);

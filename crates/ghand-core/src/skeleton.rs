@@ -73,14 +73,12 @@ pub struct ChainGradients {
     pub local: Vec<DMat3>,
 }
 
-/// dL/dJ and dL/dR_k from dL/dB_k and from the gradient of the posed joints, which are the translations of `G_k`
-/// (either may be empty if it has no gradient). The gradient flows from the leaves to the root.
+/// dL/dJ and dL/dR_k from dL/dB_k. The gradient flows from the leaves to the root.
 pub fn pose_skeleton_vjp(
     parents: &[Option<usize>],
     joints: &[DVec3],
     chain: &Chain,
     d_posed_from_rest: &[Affine],
-    d_posed_joints: &[DVec3],
 ) -> ChainGradients {
     let n = joints.len();
     let mut d_joints = vec![DVec3::ZERO; n];
@@ -91,9 +89,6 @@ pub fn pose_skeleton_vjp(
         d_world[k].linear = d.linear - outer(d.translation, joints[k]);
         d_world[k].translation = d.translation;
         d_joints[k] -= chain.world[k].linear.transpose() * d.translation;
-    }
-    for (world, d) in d_world.iter_mut().zip(d_posed_joints) {
-        world.translation += *d;
     }
     for k in (0..n).rev() {
         let d = d_world[k];

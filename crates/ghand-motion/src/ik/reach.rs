@@ -5,16 +5,15 @@
 //! the anatomical ones, without the margins for a tracker's errors and without fingers that bend backwards.
 
 use ghand_core::Pose;
-use ghand_core::rotation::rotation_from_axis_angle_vjp;
-use ghand_core::skeleton::{Chain, pose_skeleton, pose_skeleton_vjp};
+use ghand_core::skeleton::{Chain, pose_skeleton};
 use ghand_hand_model::joints::limits::{AngleRange, JointLimits};
 use ghand_hand_model::joints::names::{Finger, JointRole};
 use glam::{DMat3, DVec3};
 
-use super::derivatives::Square;
+use super::derivatives::{Square, add};
 use super::levenberg_marquardt::{Problem, minimize};
 use super::limits::{Coupling, Range, ranges};
-use super::{COLD_STEPS, FOUND, HandIk, UNKNOWNS, read, write};
+use super::{COLD_STEPS, FOUND, HandIk, UNKNOWNS, read};
 
 /// A pull bends no joint further backwards than this, radians, unless it was: a little more than straight.
 const LEAST_FLEXION: f64 = -0.15;
@@ -44,7 +43,7 @@ impl HandIk {
         let sight = sight.unwrap_or_default();
         let pull = Pull {
             hand: self,
-            end: self.landmarks[landmark],
+            landmark,
             target: target - held.translation,
             seen: DMat3::IDENTITY - DMat3::from_cols(sight * sight.x, sight * sight.y, sight * sight.z),
             rotations,
@@ -116,11 +115,10 @@ impl Coupling {
 /// A landmark that is pulled to a target.
 struct Pull<'a> {
     hand: &'a HandIk,
-    /// The joint at the landmark.
-    end: usize,
+    landmark: usize,
     /// Without the hand's translation.
     target: DVec3,
-    /// Takes from an error what is along the line of sight.
+    /// Takes from an error what is along the line of sight: a projection.
     seen: DMat3,
     /// Of all joints, including tips; those of the moving ones are unknown.
     rotations: Vec<DVec3>,
@@ -141,7 +139,7 @@ impl Pull<'_> {
     }
 
     fn error(&self, chain: &Chain) -> DVec3 {
-        self.seen * (chain.world[self.end].translation - self.target)
+        self.seen * (chain.world[self.hand.landmarks[self.landmark]].translation - self.target)
     }
 }
 
@@ -159,29 +157,12 @@ impl Problem for Pull<'_> {
     }
 
     fn normal_equations(&self, x: &[f64; UNKNOWNS]) -> (Square, [f64; UNKNOWNS]) {
-        let hand = self.hand;
         let chain = self.chain(x);
-        let error = self.error(&chain);
+        let mut row = self.hand.landmark_derivatives(&chain, x).swap_remove(self.landmark);
+        row.retain(|(unknown, _)| *unknown >= FIXED);
         let mut matrix = Box::new([[0.0; UNKNOWNS]; UNKNOWNS]);
         let mut vector = [0.0; UNKNOWNS];
-        for axis in 0..3 {
-            let mut seeds = vec![DVec3::ZERO; hand.joints.len()];
-            seeds[self.end] = self.seen.row(axis);
-            let d_local: Vec<DMat3> = pose_skeleton_vjp(&hand.parents, &hand.joints, &chain, &[], &seeds).local;
-            let mut row = [0.0; UNKNOWNS];
-            for &hinge in &self.moving {
-                let (joint, axes) = hand.hinges[hinge];
-                let rotation = axes.rotation(read(x, FIXED + 3 * hinge));
-                let gradient = rotation_from_axis_angle_vjp(rotation, &d_local[joint]);
-                write(&mut row, FIXED + 3 * hinge, axes.angles(gradient));
-            }
-            for a in 0..UNKNOWNS {
-                vector[a] += row[a] * error[axis];
-                for b in 0..UNKNOWNS {
-                    matrix[a][b] += row[a] * row[b];
-                }
-            }
-        }
+        add(&row, &self.seen, self.error(&chain), &mut matrix, &mut vector);
         (matrix, vector)
     }
 

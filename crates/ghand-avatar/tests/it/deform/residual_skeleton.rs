@@ -51,7 +51,7 @@ fn gradients_of_regressor_and_offsets_equal_those_of_their_twins() {
     Run::each(|run| {
         let chain = run.exact_residual_chain();
         let d_bones = d_residual_bones(run);
-        let d = pose_skeleton_vjp(&PARENTS, &run.residual_joints, &chain, &d_bones, &[]);
+        let d = pose_skeleton_vjp(&PARENTS, &run.residual_joints, &chain, &d_bones);
         let (d_regressor, mut d_offsets) = residual_joints_vjp(&run.regressor, &run.offsets, &d.joints);
         d_offsets.iter_mut().zip(&run.d_points).for_each(|(sum, d)| *sum += *d);
         let scale = norm(&d_bones[..]);

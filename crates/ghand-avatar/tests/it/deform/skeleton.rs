@@ -21,7 +21,7 @@ fn the_chain_equals_that_of_its_twin() {
 fn gradients_of_joints_and_pose_equal_those_of_their_twins() {
     Run::each(|run| {
         let d_bones = run.d_bones(&run.weights);
-        let d = pose_skeleton_vjp(&PARENTS, &run.joints, &run.chain, &d_bones, &[]);
+        let d = pose_skeleton_vjp(&PARENTS, &run.joints, &run.chain, &d_bones);
         let residual = residual_gradients(run);
         let mut joints = d.joints;
         let mut local = d.local;
@@ -43,7 +43,7 @@ fn gradients_of_joints_and_pose_equal_those_of_their_twins() {
 fn residual_gradients(run: &Run) -> ghand_core::skeleton::ChainGradients {
     let d_bones = crate::deform::residual_skeleton::d_residual_bones(run);
     let chain = run.exact_residual_chain();
-    pose_skeleton_vjp(&PARENTS, &run.residual_joints, &chain, &d_bones, &[])
+    pose_skeleton_vjp(&PARENTS, &run.residual_joints, &chain, &d_bones)
 }
 
 /// The two kinds of residual weights are different maps.

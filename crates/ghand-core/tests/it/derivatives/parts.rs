@@ -82,7 +82,7 @@ impl Part {
             Stage::Skeleton => {
                 let at = case.points(rng, joints);
                 let extent = largest(&at) * 2.0 * depth(&parents);
-                let all = SLOPE * 15.0 * joints as f64;
+                let all = SLOPE * 12.0 * joints as f64;
                 let rotations = case.rotations(rng, joints);
                 let inputs = vec![
                     Input::new("joints", at, extent, all),
@@ -207,9 +207,8 @@ impl Problem for Part {
             Stage::Rotation => reference::rotation(vec3s(inputs[0])[0]).to_vec(),
             Stage::Skeleton => {
                 let local: Vec<[S; 9]> = vec3s(inputs[1]).into_iter().map(reference::rotation).collect();
-                let (world, bones) = reference::chain(&self.parents, &vec3s(inputs[0]), &local);
-                let joints = world.iter().flat_map(|g| [g[0][3], g[1][3], g[2][3]]);
-                bones.as_flattened().as_flattened().iter().copied().chain(joints).collect()
+                let (_, bones) = reference::chain(&self.parents, &vec3s(inputs[0]), &local);
+                bones.as_flattened().as_flattened().to_vec()
             }
             Stage::Skin => Skin {
                 rest: &vec3s(inputs[0]),
@@ -241,8 +240,7 @@ impl Problem for Part {
             Stage::Rotation => rows(&[rotation_from_axis_angle(DVec3::from_slice(inputs[0]))]),
             Stage::Skeleton => {
                 let chain = pose_skeleton(&self.parents, &dvec3s(inputs[0]), &dvec3s(inputs[1]));
-                let joints: Vec<DVec3> = chain.world.iter().map(|g| g.translation).collect();
-                [flat_affines(&chain.posed_from_rest), flat(&joints)].concat()
+                flat_affines(&chain.posed_from_rest)
             }
             Stage::Skin => flat(&self.with_skinning(inputs, skin)),
             Stage::BlendShapes => flat(&blend_shapes(&dvec3s(inputs[0]), &dvec3s(inputs[1]), n)),
@@ -268,8 +266,7 @@ impl Problem for Part {
                 let joints = dvec3s(inputs[0]);
                 let rotations = dvec3s(inputs[1]);
                 let chain = pose_skeleton(&self.parents, &joints, &rotations);
-                let (d_bones, d_joints) = d_outputs.split_at(12 * self.case.joints);
-                let g = pose_skeleton_vjp(&self.parents, &joints, &chain, &affines(d_bones), &dvec3s(d_joints));
+                let g = pose_skeleton_vjp(&self.parents, &joints, &chain, &affines(d_outputs));
                 vec![flat(&g.joints), flat(&rotations_vjp(&rotations, &g.local))]
             }
             Stage::Skin => {
