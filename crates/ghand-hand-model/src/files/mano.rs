@@ -128,7 +128,7 @@ pub fn read_mano_bytes(
         model.shape_directions.iter_mut().for_each(|direction| direction.x = -direction.x);
     }
     let atlas = build_atlas(&model.vertices, &model.faces)
-        .map_err(|error| HandModelError::invalid(model.name.clone(), "f", error.to_string()))?;
+        .map_err(|problem| HandModelError::invalid(model.name.clone(), "f", problem))?;
     (model.uvs, model.face_uvs) = (atlas.uvs, atlas.face_uvs);
     model.validate()?;
     Ok(ManoFile { model, has_left_shape_bug, warnings })

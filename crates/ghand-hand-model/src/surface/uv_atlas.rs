@@ -33,33 +33,8 @@ pub struct Atlas {
     pub charts: usize,
 }
 
-/// Why an atlas cannot be built for a mesh.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum AtlasError {
-    /// No face has an area.
-    #[error("no face has an area; an atlas needs a surface")]
-    Empty,
-    /// A face refers to a missing vertex.
-    #[error("face {face} refers to a vertex beyond the {vertices}; repair the mesh")]
-    BeyondVertices {
-        /// The face.
-        face: usize,
-        /// Number of vertices.
-        vertices: usize,
-    },
-    /// A vertex is not finite, or its distance to another one is not.
-    #[error("vertex {vertex} is not finite; repair the mesh")]
-    NotFinite {
-        /// The vertex.
-        vertex: usize,
-    },
-    /// The surface has more pieces than fit into a texture.
-    #[error("the surface has {charts} pieces, more than fit into a texture; weld its vertices")]
-    TooManyCharts {
-        /// Number of pieces.
-        charts: usize,
-    },
-}
+/// The problem of a mesh without a surface.
+const WITHOUT_AREA: &str = "no face has an area; an atlas needs a surface";
 
 /// Builds an atlas of a mesh given as vertices (any unit) and triangles that index them, counter-clockwise seen from
 /// outside.
@@ -69,17 +44,19 @@ pub enum AtlasError {
 /// are thousands of them). The same mesh gives the same bits; its position and size do not matter.
 ///
 /// # Errors
-/// [`AtlasError`] if the mesh is unusable or has no area.
-pub fn build_atlas(vertices: &[DVec3], faces: &[[u32; 3]]) -> Result<Atlas, AtlasError> {
+/// What makes the mesh unusable, and what to do.
+pub fn build_atlas(vertices: &[DVec3], faces: &[[u32; 3]]) -> Result<Atlas, String> {
     if let Some(face) = faces.iter().position(|f| f.iter().any(|&i| i as usize >= vertices.len())) {
-        return Err(AtlasError::BeyondVertices { face, vertices: vertices.len() });
+        return Err(format!("face {face} refers to a vertex beyond the {}; repair the mesh", vertices.len()));
     }
     let vertices = normalized(vertices, faces)?;
     let charts = charts::cut(&vertices, faces);
     if charts.is_empty() {
-        return Err(AtlasError::Empty);
+        return Err(WITHOUT_AREA.into());
     }
-    let places = packing::pack(&charts).ok_or(AtlasError::TooManyCharts { charts: charts.len() })?;
+    let places = packing::pack(&charts).ok_or_else(|| {
+        format!("the surface has {} pieces, more than fit into a texture; weld its vertices", charts.len())
+    })?;
     let mut atlas = Atlas { uvs: vec![], face_uvs: vec![[u32::MAX; 3]; faces.len()], charts: charts.len() };
     // A point of the atlas at each vertex, for faces without area.
     let mut any_point = vec![0; vertices.len()];
@@ -102,12 +79,13 @@ pub fn build_atlas(vertices: &[DVec3], faces: &[[u32; 3]]) -> Result<Atlas, Atla
 }
 
 /// The vertices moved to the origin, with the longest side of the box around the faces 1.
-fn normalized(vertices: &[DVec3], faces: &[[u32; 3]]) -> Result<Vec<DVec3>, AtlasError> {
+fn normalized(vertices: &[DVec3], faces: &[[u32; 3]]) -> Result<Vec<DVec3>, String> {
+    let not_finite = |vertex: usize| format!("vertex {vertex} is not finite; repair the mesh");
     let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     for &i in faces.iter().flatten() {
         let p = vertices[i as usize];
         if !p.is_finite() {
-            return Err(AtlasError::NotFinite { vertex: i as usize });
+            return Err(not_finite(i as usize));
         }
         low = low.min(p);
         high = high.max(p);
@@ -115,10 +93,10 @@ fn normalized(vertices: &[DVec3], faces: &[[u32; 3]]) -> Result<Vec<DVec3>, Atla
     let side = (high - low).max_element();
     if side == f64::INFINITY {
         let vertex = vertices.iter().position(|p| p.abs().max_element() > f64::MAX / 4.0).unwrap_or(0);
-        return Err(AtlasError::NotFinite { vertex });
+        return Err(not_finite(vertex));
     }
     if side <= 0.0 || faces.is_empty() {
-        return Err(AtlasError::Empty);
+        return Err(WITHOUT_AREA.into());
     }
     Ok(vertices.iter().map(|p| (*p - low) / side).collect())
 }
