@@ -3,11 +3,10 @@
 //!
 //! Errors are counted in *roundings*: how many times larger the device's error is than what the result changes by when each
 //! input moves by one unit in its last place. So an ill-conditioned case is not an error, and a well-conditioned one that
-//! loses digits is, whatever its size. `--growth` measures plain errors over one quantity at a time instead.
+//! loses digits is, whatever its size.
 
 mod case;
 mod compare;
-mod growth;
 mod hand;
 mod light;
 mod report;
@@ -43,10 +42,6 @@ pub struct StressArgs {
     /// Only this case, such as the worst of an earlier run with the same seed
     #[arg(long, value_name = "CASE", conflicts_with = "cases")]
     only: Option<u64>,
-    /// Instead, how errors grow with angles, size, distance, layers and the number of Gaussians; --out gets growth.csv and
-    /// its plot
-    #[arg(long, conflicts_with_all = ["cases", "only"])]
-    growth: bool,
     /// Folder for stress.json, stress.md, and avatar, pose and camera of the worst cases [default: none is written]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -60,10 +55,6 @@ pub fn run(args: &StressArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     let _claim = args.out.as_deref().map(Claim::folder).transpose()?;
     let mut gpu = adapter.open()?;
     say!("adapter: {}", gpu.info.name);
-    if args.growth {
-        say!("{}", growth::measure(&mut gpu, args.seed, args.out.as_deref())?.trim_end());
-        return Ok(());
-    }
     let numbers = match args.only {
         Some(case) => case..case.saturating_add(1),
         None => 0..args.cases,

@@ -1,7 +1,6 @@
 //! Plots: curves over a run, means with intervals, points over two axes, and panels of curves; and text in pictures.
 
 mod label;
-mod logarithmic;
 mod panels;
 mod scatter;
 
@@ -16,7 +15,6 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{FontStyle, register_font};
 
 pub use label::{label, label_width};
-pub use logarithmic::{LogPanel, LogPlot};
 pub use panels::{Panel, PanelPlot};
 pub use scatter::{Point, ScatterPlot};
 
@@ -184,7 +182,7 @@ macro_rules! pictures {
     )*};
 }
 
-pictures!(LinePlot, IntervalPlot, PanelPlot, ScatterPlot, LogPlot);
+pictures!(LinePlot, IntervalPlot, PanelPlot, ScatterPlot);
 
 impl LinePlot {
     fn size(&self) -> [u32; 2] {

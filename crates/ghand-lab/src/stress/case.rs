@@ -32,8 +32,8 @@ pub const STAGES: [&str; 5] = [
 pub const BOUNDS: [f64; 5] = [200.0, 20.0, 30_000.0, 30_000.0, 100.0];
 
 /// Factors on the thresholds of blending: what they change is decided by rounding.
-pub const LOWER: f64 = 0.99;
-pub const HIGHER: f64 = 1.01;
+const LOWER: f64 = 0.99;
+const HIGHER: f64 = 1.01;
 /// Gaussians whose depths differ by less than this many units in the last place can be drawn in either order.
 const ORDER_UNITS: f64 = 4.0;
 
@@ -274,7 +274,7 @@ impl<'a> StressSubject<'a> {
     }
 
     /// The picture in a pose and a view, and the table of posed Gaussians.
-    pub fn draw(&mut self, gpu: &Gpu, pose: &Pose, camera: &Camera) -> anyhow::Result<(Vec<[f32; 4]>, Vec<f32>)> {
+    fn draw(&mut self, gpu: &Gpu, pose: &Pose, camera: &Camera) -> anyhow::Result<(Vec<[f32; 4]>, Vec<f32>)> {
         self.scene.set_pose(gpu, 0, 0, pose)?;
         self.scene.set_view(gpu, camera, BACKGROUND)?;
         self.scene.set_frame(gpu, 0);
@@ -286,12 +286,7 @@ impl<'a> StressSubject<'a> {
 
     /// The device's gradients of a loss with these weights of the picture's values: of the Gaussians' table, of the
     /// learned tables and of the pose.
-    pub fn gradients(
-        &mut self,
-        gpu: &Gpu,
-        weights: &[[f32; 4]],
-        length: usize,
-    ) -> anyhow::Result<Vec<(String, Vec<f32>)>> {
+    fn gradients(&mut self, gpu: &Gpu, weights: &[[f32; 4]], length: usize) -> anyhow::Result<Vec<(String, Vec<f32>)>> {
         let (splatter, avatars) = self.scene.splatter_and_avatars_mut();
         let posed = avatars.first_mut().context("the scene has no avatar")?;
         gpu.queue.write_buffer(splatter.d_image(), 0, bytemuck::cast_slice(weights));
@@ -315,7 +310,7 @@ impl<'a> StressSubject<'a> {
 }
 
 /// The twin of a picture, with this factor on the thresholds of blending.
-pub fn twin_of<'a>(gaussians: &'a [Gaussian], camera: &'a Camera, filter: Filter, cut: f64) -> SplatTwin<'a> {
+fn twin_of<'a>(gaussians: &'a [Gaussian], camera: &'a Camera, filter: Filter, cut: f64) -> SplatTwin<'a> {
     let background = DVec3::from(BACKGROUND.map(f64::from));
     let usual = Thresholds::default();
     let [alpha_min, transmittance_min] = [usual.alpha_min, usual.transmittance_min].map(|limit| limit * cut);
@@ -362,7 +357,7 @@ fn thickness(model: &SplatModel) -> f64 {
 }
 
 /// Gradients of centres, sizes and colours.
-pub fn gradient_parts(gradient: &[Gaussian], thickness: f64) -> [Vec<f64>; 3] {
+fn gradient_parts(gradient: &[Gaussian], thickness: f64) -> [Vec<f64>; 3] {
     let means: Vec<DVec3> = gradient.iter().map(|d| d.mean).collect();
     let colors: Vec<DVec3> = gradient.iter().filter_map(|d| d.coefficients().first().copied()).collect();
     let size = |d: &Gaussian| d.scales.x + d.scales.y + thickness * d.scales.z;

@@ -45,7 +45,7 @@ fn typical(mut differences: Vec<f64>) -> f64 {
 }
 
 /// Differences of two images' pixels.
-pub fn differences(image: &[[f32; 4]], exact: &[[f64; 4]]) -> Vec<f64> {
+fn differences(image: &[[f32; 4]], exact: &[[f64; 4]]) -> Vec<f64> {
     let of = |(a, b): (&[f32; 4], &[f64; 4])| (0..4).map(|c| (f64::from(a[c]) - b[c]).abs()).fold(0.0, f64::max);
     image.iter().zip(exact).map(of).collect()
 }

@@ -112,7 +112,7 @@ impl HandKind {
     }
 
     /// Size of a hand, metres.
-    pub fn size(self) -> f32 {
+    fn size(self) -> f32 {
         match self {
             HandKind::Tiny => 1e-6,
             HandKind::Huge => 100.0,
@@ -309,14 +309,6 @@ fn network(draw: &mut Sampler, avatar: &Avatar) -> anyhow::Result<Avatar> {
         }
     }
     Ok(Avatar { tables, config, ..avatar.clone() })
-}
-
-/// A usual hand of so many round Gaussians.
-pub fn usual_hand(draw: &mut Sampler, count: usize) -> Avatar {
-    let config = AvatarConfig { gaussians: GaussianShape::Round, ..config(draw) };
-    let mut avatar = random(draw, HandKind::Usual, &config, count);
-    set_tables(draw, HandKind::Usual, &mut avatar);
-    avatar
 }
 
 /// A hand of random numbers.
