@@ -42,7 +42,7 @@ pub struct StressArgs {
     /// Only this case, such as the worst of an earlier run with the same seed
     #[arg(long, value_name = "CASE", conflicts_with = "cases")]
     only: Option<u64>,
-    /// Folder for stress.json, stress.md, and avatar, pose and camera of the worst cases [default: none is written]
+    /// Folder for stress.json and stress.md [default: none is written]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 }
@@ -65,7 +65,7 @@ pub fn run(args: &StressArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     while next < numbers.end {
         let end = numbers.end.min((next / CASES_PER_HAND + 1) * CASES_PER_HAND);
         let outcomes = gpu.retry_on_device_loss("a case", |gpu| of_one_hand(gpu, args.seed, next..end))?;
-        outcomes.into_iter().for_each(|outcome| report.add(outcome));
+        outcomes.into_iter().for_each(|outcome| report.add(&outcome));
         bar.set_position(end - numbers.start);
         next = end;
     }
@@ -73,7 +73,7 @@ pub fn run(args: &StressArgs, adapter: &AdapterArgs) -> anyhow::Result<()> {
     say!("{}", report.tables());
     if let Some(folder) = &args.out {
         report.write(folder)?;
-        say!("figures and worst cases: {}", folder.join("stress.md").display());
+        say!("figures: {}", folder.join("stress.md").display());
     }
     let failures = report.failures();
     if !failures.is_empty() {

@@ -61,16 +61,6 @@ pub struct CaseOutcome {
     pub packing: Option<[f64; 2]>,
     /// What must never be, if it is.
     pub problem: Option<String>,
-    /// The inputs, to be kept if the case is one of the worst.
-    pub inputs: Option<Inputs>,
-}
-
-/// What a case needs to be seen again.
-#[derive(Debug, Clone)]
-pub struct Inputs {
-    pub avatar: Avatar,
-    pub pose: Pose,
-    pub camera: Camera,
 }
 
 impl CaseOutcome {
@@ -89,7 +79,6 @@ impl CaseOutcome {
             worst_table: None,
             packing: None,
             problem: None,
-            inputs: None,
         }
     }
 
@@ -168,7 +157,6 @@ impl<'a> StressSubject<'a> {
         let exact_posed = lit(&unlit, &light);
         let full = self.hand.full.as_ref().and_then(|full| exact(full, &pose));
         outcome.packing = full.filter(|full| full.means.len() > 1).map(|full| packing(&full, &unlit));
-        outcome.inputs = Some(Inputs { avatar: avatar.clone(), pose: pose.clone(), camera: camera.clone() });
 
         let (image, table) = self.draw(gpu, &pose, &camera)?;
         let model = self.scene.splatter().options().model;

@@ -4,15 +4,10 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::Context;
-use ghand_core::Camera;
 use ghand_files::atomic_file::write_atomically;
 use serde::Serialize;
 
 use super::case::{BOUNDS, CaseOutcome, STAGES};
-use super::hand::HandKind;
-
-/// Most cases beyond the bounds that are kept.
-const MOST_KEPT: usize = 16;
 
 /// The worst case of a kind in one stage.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
@@ -49,9 +44,6 @@ pub struct StressReport {
     poses: BTreeMap<&'static str, Kind>,
     views: BTreeMap<&'static str, Kind>,
     failures: Vec<String>,
-    /// The worst of each stage, and some of those beyond the bounds.
-    #[serde(skip)]
-    kept: BTreeMap<String, CaseOutcome>,
 }
 
 impl Kind {
@@ -85,27 +77,22 @@ impl StressReport {
             poses: BTreeMap::new(),
             views: BTreeMap::new(),
             failures: vec![],
-            kept: BTreeMap::new(),
         }
     }
 
     /// Adds a case.
-    pub fn add(&mut self, outcome: CaseOutcome) {
-        let before = self.all.worst;
-        self.all.add(&outcome);
-        self.hands.entry(outcome.hand.name()).or_default().add(&outcome);
-        self.models.entry(outcome.model.name()).or_default().add(&outcome);
-        self.poses.entry(outcome.pose.name()).or_default().add(&outcome);
-        self.views.entry(outcome.view.name()).or_default().add(&outcome);
+    pub fn add(&mut self, outcome: &CaseOutcome) {
+        self.all.add(outcome);
+        self.hands.entry(outcome.hand.name()).or_default().add(outcome);
+        self.models.entry(outcome.model.name()).or_default().add(outcome);
+        self.poses.entry(outcome.pose.name()).or_default().add(outcome);
+        self.views.entry(outcome.view.name()).or_default().add(outcome);
         let mut problems: Vec<String> = outcome.problem.iter().cloned().collect();
         for (stage, (roundings, bound)) in outcome.roundings.iter().zip(BOUNDS).enumerate() {
             if roundings.is_some_and(|roundings| roundings.is_nan() || roundings > bound) {
                 let table = outcome.worst_table.iter().filter(|_| stage == 3).map(|name| format!(" ({name})"));
                 let table: String = table.collect();
                 problems.push(format!("{}{table}: {:.0} roundings", STAGES[stage], roundings.unwrap_or(f64::NAN)));
-            }
-            if self.all.worst[stage] != before[stage] {
-                self.kept.insert(format!("worst-{}", stage + 1), outcome.clone());
             }
         }
         if !problems.is_empty() {
@@ -119,9 +106,6 @@ impl StressReport {
                 outcome.view.name(),
                 problems.join(", ")
             ));
-            if self.failures.len() <= MOST_KEPT {
-                self.kept.insert(format!("failure-{}", outcome.number), outcome);
-            }
         }
     }
 
@@ -156,7 +140,7 @@ impl StressReport {
         text
     }
 
-    /// Writes the tables, and what the worst cases need to be seen again.
+    /// Writes the figures and their tables.
     ///
     /// # Errors
     /// An error that names the file.
@@ -167,44 +151,8 @@ impl StressReport {
         };
         let head = format!("# Stress\n\nOn {}: ", self.adapter);
         write("stress.md", format!("{head}{}\n", self.tables()).as_bytes())?;
-        write("stress.json", &serde_json::to_vec_pretty(self)?)?;
-        for (name, outcome) in &self.kept {
-            let Some(inputs) = &outcome.inputs else { continue };
-            std::fs::create_dir_all(folder.join(name)).with_context(|| format!("{}/{name}", folder.display()))?;
-            let case = serde_json::json!({
-                "command": format!("ghand-lab stress --seed {} --only {}", self.seed, outcome.number),
-                "hand": outcome.hand.name(),
-                "model": outcome.model.name(),
-                "pose": outcome.pose.name(),
-                "view": outcome.view.name(),
-                "stages": STAGES,
-                "roundings": outcome.roundings,
-                "problem": outcome.problem,
-                "axis_angles": inputs.pose.rotations,
-                "translation": inputs.pose.translation,
-            });
-            write(&format!("{name}/case.json"), &serde_json::to_vec_pretty(&case)?)?;
-            write(&format!("{name}/camera.json"), &serde_json::to_vec_pretty(&camera_file(&inputs.camera))?)?;
-            // The others have no mesh, and their numbers may not be finite; the command draws them again.
-            if outcome.hand == HandKind::Human {
-                inputs.avatar.save(&folder.join(name).join("avatar.ghand"))?;
-            }
-        }
-        Ok(())
+        write("stress.json", &serde_json::to_vec_pretty(self)?)
     }
-}
-
-/// A camera as `ghand render --camera` reads it.
-fn camera_file(camera: &Camera) -> serde_json::Value {
-    let Camera { focal, principal, rotation, translation, .. } = camera;
-    let rows = [0, 1, 2].map(|row| rotation.row(row).to_array());
-    serde_json::json!({
-        "width": camera.width,
-        "height": camera.height,
-        "intrinsics": [[focal.x, 0.0, principal.x], [0.0, focal.y, principal.y], [0.0, 0.0, 1.0]],
-        "rotation": rows,
-        "translation": translation,
-    })
 }
 
 fn line(name: &str, kind: &Kind) -> String {

@@ -32,5 +32,4 @@ fn extreme_cases_stay_within_the_bounds() {
     let text = stress(&["--only", &worst["case"].to_string()]);
     let figure = format!("{:.1} ({})", worst["roundings"].as_f64().unwrap(), worst["case"]);
     assert!(text.contains(&figure), "{figure} is not in {text}");
-    assert!(out.join("worst-1/camera.json").exists() && out.join("worst-1/case.json").exists());
 }
