@@ -259,7 +259,7 @@ fn write(report: &Report, folder: &Path) -> anyhow::Result<()> {
     for (budget, figures) in parts {
         if let Some(figures) = figures {
             let name = budget.name();
-            page += &format!("\n## Equal {name}\n\n![PSNR on the hand](ablation-{name}.svg)\n\n{}", table(figures));
+            page += &format!("\n## Equal {name}\n\n![PSNR on the hand](ablation-{name}.png)\n\n{}", table(figures));
         }
     }
     for (name, text) in [("ablation.json", text), ("ablation.md", page)] {
@@ -269,7 +269,7 @@ fn write(report: &Report, folder: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Writes a plot of the arms, as PNG and SVG.
+/// Writes a plot of the arms.
 fn write_plot(folder: &Path, budget: Budget, figures: &[ArmFigures]) -> anyhow::Result<()> {
     let row = |arm: &ArmFigures| (arm.arm.clone(), [arm.psnr_hand.mean, arm.psnr_hand.low, arm.psnr_hand.high]);
     let plot = IntervalPlot {
@@ -277,8 +277,5 @@ fn write_plot(folder: &Path, budget: Budget, figures: &[ArmFigures]) -> anyhow::
         axis: "PSNR on the hand, dB, with 95 % intervals over poses".into(),
         rows: figures.iter().map(row).collect(),
     };
-    let path = |extension: &str| folder.join(format!("ablation-{}.{extension}", budget.name()));
-    write_png(&path("png"), &plot.to_image()?)?;
-    let svg = path("svg");
-    write_atomically(&svg, plot.to_svg()?.as_bytes()).with_context(|| format!("{}: cannot write", svg.display()))
+    Ok(write_png(&folder.join(format!("ablation-{}.png", budget.name())), &plot.to_image()?)?)
 }

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use cameras::{Footprint, all_around, direction_around};
 use clap::Args;
-use figures::{Cleanliness, DetailEnergy, HandPicture, KnownColors, PictureSums, sample_of};
+use figures::{Cleanliness, DetailEnergy, HandPicture, KnownColors, PictureSums};
 use ghand_app::capture_source::CaptureSource;
 use ghand_app::cli::AdapterArgs;
 use ghand_app::command_inputs::refuse_capture_folder;
@@ -22,8 +22,10 @@ use ghand_app::train_run::results::save_metrics;
 use ghand_avatar::framing::{middle, posed_vertices};
 use ghand_avatar::{Avatar, Scene};
 use ghand_capture::{Capture, Split};
+use ghand_core::statistics::median;
 use ghand_core::{Camera, Pose};
 use ghand_files::claim::Claim;
+use ghand_fit::texels::views::some_views;
 use ghand_hand_model::named_poses::POSE_NAMES;
 use ghand_measure::metrics::quantize;
 use ghand_measure::outline::{Outline, OutlineSums, silhouette};
@@ -286,7 +288,7 @@ fn measure_training(capture: &Capture, split: &Split) -> anyhow::Result<Training
     let mut resolutions = vec![];
     let mut distances = vec![];
     let mut has_outline = false;
-    let sample = sample_of(split, MOST_IMAGES);
+    let sample = some_views(split, MOST_IMAGES);
     if sample.is_empty() {
         bail!("needs training images, but their split has none; choose another with --train-split");
     }
@@ -309,10 +311,11 @@ fn measure_training(capture: &Capture, split: &Split) -> anyhow::Result<Training
     if known.is_empty() {
         bail!("the hand is less than five pixels wide in all training images; use larger images");
     }
-    let (Some(pixels_per_metre), Some(distance)) = (median(resolutions), median(distances)) else {
+    if distances.is_empty() {
         bail!("the hand is behind the camera in all training images; `ghand inspect` shows what is wrong");
-    };
-    Ok(Training { known, detail, images: sample.len(), footprint: Footprint { pixels_per_metre, distance } })
+    }
+    let footprint = Footprint { pixels_per_metre: median(resolutions), distance: median(distances) };
+    Ok(Training { known, detail, images: sample.len(), footprint })
 }
 
 fn load_picture(capture: &Capture, camera: usize, frame: usize) -> anyhow::Result<HandPicture> {
@@ -320,15 +323,10 @@ fn load_picture(capture: &Capture, camera: usize, frame: usize) -> anyhow::Resul
     Ok(HandPicture::of_image(&view.rgba, [view.width, view.height]))
 }
 
-fn median(mut values: Vec<f64>) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied()
-}
-
 /// Real images that training did not see: what the measures give for a perfect avatar.
 fn measure_held_out(capture: &Capture, split: &str, training: &Training) -> anyhow::Result<Option<HeldOut>> {
     let Some(images) = capture.splits.get(split).filter(|split| !split.views.is_empty()) else { return Ok(None) };
-    let sample = sample_of(images, MOST_IMAGES);
+    let sample = some_views(images, MOST_IMAGES);
     let mut sums = PictureSums::default();
     for view in &sample {
         sums.add(&load_picture(capture, view.camera, view.frame)?, &training.known);

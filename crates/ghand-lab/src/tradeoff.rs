@@ -39,7 +39,7 @@ pub struct TradeoffArgs {
     rounds: u32,
     #[command(flatten)]
     poses: PoseSetArgs,
-    /// Folder for tradeoff.md, tradeoff.csv, tradeoff.json and the plot, tradeoff.png and tradeoff.svg
+    /// Folder for tradeoff.md, tradeoff.json and the plot, tradeoff.png
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     /// Replace the files of an earlier run

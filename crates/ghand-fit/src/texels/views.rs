@@ -133,3 +133,17 @@ fn pose_samples(
         mode: ResidualWeights::Paper,
     }))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sample_has_images_of_all_cameras() {
+        let split = Split::product((0..8).collect(), (0..60).collect());
+        let views = some_views(&split, 60);
+        assert_eq!(views.len(), 60);
+        assert!((0..8).all(|camera| views.iter().any(|view| view.camera == camera)));
+        assert_eq!(some_views(&split, 1000).len(), 480);
+    }
+}

@@ -2,11 +2,7 @@
 //! whether their fine detail is as strong as there, and whether any part is darker or more saturated ([`super::tones`]).
 
 use ghand_capture::mask::depths;
-use ghand_capture::{Split, SplitView};
 use ghand_measure::metrics::quantize;
-use rand::SeedableRng;
-use rand::seq::SliceRandom;
-use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 
 use super::tones::{ToneSums, Tones};
@@ -229,14 +225,6 @@ pub struct Cleanliness {
     pub more_saturated_share: Option<f64>,
 }
 
-/// At most `count` of a split's images, at random with a fixed seed, so that all cameras and frames occur.
-pub fn sample_of(split: &Split, count: usize) -> Vec<SplitView> {
-    let mut views = split.views.clone();
-    views.shuffle(&mut ChaCha8Rng::seed_from_u64(0));
-    views.truncate(count);
-    views
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -349,14 +337,5 @@ mod tests {
         assert_eq!((none.outside_share, none.see_through_share, none.detail), (None, None, None));
         assert!(HandPicture::of_image(&[[1, 2, 3, 255]; 4], [2, 2]).is_all_hand());
         assert!(!HandPicture::of_image(&disc(|_, _| None), SIZE).is_all_hand());
-    }
-
-    #[test]
-    fn a_sample_has_images_of_all_cameras() {
-        let split = Split::product((0..8).collect(), (0..60).collect());
-        let views = sample_of(&split, 60);
-        assert_eq!(views.len(), 60);
-        assert!((0..8).all(|camera| views.iter().any(|view| view.camera == camera)));
-        assert_eq!(sample_of(&split, 1000).len(), 480);
     }
 }

@@ -132,9 +132,8 @@ pub fn measure(
         }
     }
     let first = times.first().cloned().unwrap_or_default();
-    for (measured, mut times) in measured.iter_mut().zip(times) {
+    for (measured, times) in measured.iter_mut().zip(times) {
         measured.relative = median(times.iter().zip(&first).map(|(a, b)| a / b));
-        times.sort_by(f64::total_cmp);
         measured.frame_ms = median(times.clone());
         measured.frame_ms_range = [quantile(times.clone(), 0.25), quantile(times, 0.75)];
     }
@@ -167,9 +166,7 @@ fn turn(
         scene.run_frame(gpu, |_, _| {})?;
         times.push(1e3 * start.elapsed().as_secs_f64());
     }
-    let timed = &mut times[1..];
-    timed.sort_by(f64::total_cmp);
-    Ok(timed[timed.len() / 2])
+    Ok(median(times.into_iter().skip(1)))
 }
 
 /// A camera of a smaller picture.

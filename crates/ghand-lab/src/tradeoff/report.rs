@@ -17,7 +17,7 @@ use super::variants::KNOBS;
 const NAME_HEIGHT: f64 = 0.12;
 const NAME_WIDTH: f64 = 1.4;
 
-const FILES: [&str; 5] = ["tradeoff.md", "tradeoff.csv", "tradeoff.json", "tradeoff.png", "tradeoff.svg"];
+const FILES: [&str; 3] = ["tradeoff.md", "tradeoff.json", "tradeoff.png"];
 
 /// Contents of `tradeoff.json`.
 #[derive(Debug, Serialize)]
@@ -93,7 +93,7 @@ impl TradeoffReport {
             "# Speed and accuracy\n\nCapture `{}`, split `{}`, {} images; {}. A frame is the time from a pose to the picture on \
              the device, the median over {} rounds in which all variants have their turn, with their quartiles; relative is \
              the median of the rounds' ratios to the exact avatar. PSNR and SSIM are over the hand's surroundings. No \
-             other variant is faster and as accurate, or as fast and more accurate, than those with a star.\n\n![Speed and accuracy](tradeoff.svg)\n\n{}",
+             other variant is faster and as accurate, or as fast and more accurate, than those with a star.\n\n![Speed and accuracy](tradeoff.png)\n\n{}",
             self.capture,
             self.split,
             self.images,
@@ -101,30 +101,6 @@ impl TradeoffReport {
             self.rounds,
             self.table()
         )
-    }
-
-    fn csv(&self) -> String {
-        let mut text =
-            "variant,knob,best,frame_ms,frame_ms_low,frame_ms_high,relative,psnr,psnr_hand,ssim,bytes,device_bytes,gaussians\n"
-                .to_owned();
-        for m in &self.variants {
-            let [low, high] = m.frame_ms_range;
-            text += &format!(
-                "\"{}\",{},{},{},{low},{high},{},{},{},{},{},{},{}\n",
-                m.name.replace('"', "\"\""),
-                m.knob,
-                m.best,
-                m.frame_ms,
-                m.relative,
-                m.psnr,
-                m.psnr_hand,
-                m.ssim,
-                m.bytes,
-                m.device_bytes.map_or(String::new(), |bytes| bytes.to_string()),
-                m.gaussians
-            );
-        }
-        text
     }
 
     fn plot(&self) -> ScatterPlot {
@@ -160,14 +136,11 @@ impl TradeoffReport {
     /// # Errors
     /// An error that names the file.
     pub fn write(&self, folder: &Path) -> anyhow::Result<()> {
-        let plot = self.plot();
-        let texts = [self.page(), self.csv(), serde_json::to_string_pretty(self)?];
+        let texts = [self.page(), serde_json::to_string_pretty(self)?];
         for (name, text) in FILES.iter().zip(texts) {
             let path = folder.join(name);
             write_atomically(&path, text.as_bytes()).with_context(|| format!("{}: cannot write", path.display()))?;
         }
-        write_png(&folder.join("tradeoff.png"), &plot.to_image()?)?;
-        let svg = folder.join("tradeoff.svg");
-        write_atomically(&svg, plot.to_svg()?.as_bytes()).with_context(|| format!("{}: cannot write", svg.display()))
+        Ok(write_png(&folder.join("tradeoff.png"), &self.plot().to_image()?)?)
     }
 }

@@ -17,7 +17,7 @@ fn arms_are_trained_once_and_compared() {
     let said = String::from_utf8_lossy(&output.stdout).into_owned();
     assert!(output.status.success(), "{said}{}", String::from_utf8_lossy(&output.stderr));
     assert!(said.contains(&format!("{baseline}, seed 2, equal iterations")), "{said}");
-    let files = ["ablation-iterations.png", "ablation-iterations.svg", "ablation.json", "ablation.md", "runs"];
+    let files = ["ablation-iterations.png", "ablation.json", "ablation.md", "runs"];
     assert_eq!(listing(&folder.path().join("out")), files);
     assert_eq!(listing(&folder.path().join("out/runs")).len(), 6);
     let text = std::fs::read_to_string(folder.path().join("out/ablation.json")).unwrap();
