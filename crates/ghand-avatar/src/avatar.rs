@@ -1,7 +1,6 @@
 //! An avatar: a sampled template, its configuration, and the learned tables.
 
 use ghand_core::HandModel;
-use ghand_core::mesh::RenderMesh;
 use ghand_core::pose_offsets::TrackerOffsets;
 use ghand_hand_model::{HandModelError, SurfaceSamples, surface};
 use serde::{Deserialize, Serialize};
@@ -63,33 +62,19 @@ impl Avatar {
     /// random numbers that break symmetry in training; the Gaussians start [`DEFAULT_INSET`] below the surface.
     ///
     /// # Errors
-    /// [`HandModelError`] if the model cannot be sampled.
+    /// [`HandModelError`] if the model cannot be sampled, or networks cannot be made in the sizes of the configuration.
     pub fn untrained(
         model: &HandModel,
         config: &AvatarConfig,
         color: [f64; 3],
         seed: u64,
     ) -> Result<Avatar, HandModelError> {
-        Avatar::untrained_inset(model, config, color, DEFAULT_INSET, seed)
-    }
-
-    /// As [`Avatar::untrained`], with the Gaussians `inset` times their size below the surface, but at most a third of
-    /// the hand's thickness.
-    ///
-    /// # Errors
-    /// [`HandModelError`] if the model cannot be sampled, or networks cannot be made in the sizes of the configuration.
-    pub fn untrained_inset(
-        model: &HandModel,
-        config: &AvatarConfig,
-        color: [f64; 3],
-        inset: f64,
-        seed: u64,
-    ) -> Result<Avatar, HandModelError> {
         let samples = surface::sample_surface(model, config.uv_resolution)?;
-        Avatar::untrained_at(model, &samples, config, color, inset, seed)
+        Avatar::untrained_at(model, &samples, config, color, DEFAULT_INSET, seed)
     }
 
-    /// As [`Avatar::untrained_inset`], with Gaussians at some points of the surface. Networks need all texels.
+    /// As [`Avatar::untrained`], with Gaussians at some points of the surface, `inset` times their size below it, but at
+    /// most a third of the hand's thickness. Networks need all texels.
     ///
     /// # Errors
     /// [`HandModelError`] if networks cannot be made in the sizes of the configuration.
@@ -128,11 +113,6 @@ impl Avatar {
     pub fn max_scale(&self) -> f32 {
         self.template.max_scale()
     }
-
-    /// The template's mesh with one UV per vertex.
-    pub fn render_mesh(&self) -> RenderMesh {
-        RenderMesh::from_model(&self.model)
-    }
 }
 
 #[cfg(test)]
@@ -158,7 +138,7 @@ mod tests {
         let config = AvatarConfig { uv_resolution: 96, ..Default::default() };
         let samples = surface::sample_surface(&model, 96).unwrap();
         let thickness = local_thickness(&model, &samples);
-        let avatar = Avatar::untrained_inset(&model, &config, [0.5; 3], 3.0, 0).unwrap();
+        let avatar = Avatar::untrained_at(&model, &samples, &config, [0.5; 3], 3.0, 0).unwrap();
         let mut bounded = 0;
         let mut free = 0;
         for ((depth, thickness), spacing) in depths(&avatar).iter().zip(&thickness).zip(&avatar.template.spacings) {

@@ -18,12 +18,9 @@ mod terms;
 use std::time::Instant;
 
 use ghand_avatar::Light;
-use ghand_capture::{Capture, Split};
 use ghand_core::{HandModel, InvalidHandModel, Pose};
-use ghand_render::Gpu;
 use serde::{Deserialize, Serialize};
 
-use crate::texels::TexelError;
 use crate::texels::frames::TexelFrames;
 use coverage::Coverage;
 use least_squares::frame_factors;
@@ -105,24 +102,8 @@ pub struct LightFit {
 /// Fits the light of a split. `poses` holds the poses of its frames; they are fitted already.
 ///
 /// # Errors
-/// [`TexelError`] if an image or the model is unusable.
-pub fn fit_light(
-    gpu: &Gpu,
-    capture: &Capture,
-    split: &Split,
-    poses: &[Pose],
-    choice: LightChoice,
-    gloss: GlossChoice,
-) -> Result<LightFit, TexelError> {
-    let seen = TexelFrames::new(gpu, capture, split, poses)?;
-    Ok(fit_light_to(&seen, &capture.template, poses, choice, gloss)?)
-}
-
-/// As [`fit_light`], from what is seen already.
-///
-/// # Errors
 /// [`InvalidHandModel`] if a pose does not fit the template.
-pub fn fit_light_to(
+pub fn fit_light(
     texel_frames: &TexelFrames,
     template: &HandModel,
     poses: &[Pose],
@@ -218,7 +199,7 @@ mod tests {
 
     fn found(light: Light, interreflection: [f32; 3]) -> LightFit {
         let (seen, model, poses) = planted(light, interreflection);
-        let fit = fit_light_to(&seen, &model, &poses, LightChoice::Auto, GlossChoice::Off).unwrap();
+        let fit = fit_light(&seen, &model, &poses, LightChoice::Auto, GlossChoice::Off).unwrap();
         println!("{:?}", fit.report());
         fit
     }

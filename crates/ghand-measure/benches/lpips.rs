@@ -24,7 +24,7 @@ fn benchmark(c: &mut Criterion) {
         let pair = Pair { size, picture: &picture, truth: &truth };
         let [width, height] = size;
         c.bench_function(&format!("lpips/{width}x{height}, distance"), |bencher| {
-            bencher.iter(|| lpips.distance(&pair).unwrap());
+            bencher.iter(|| lpips.distances(size, [&picture], &truth).unwrap());
         });
         c.bench_function(&format!("lpips/{width}x{height}, distance and gradient"), |bencher| {
             bencher.iter(|| lpips.distance_and_gradient(&pair).unwrap());

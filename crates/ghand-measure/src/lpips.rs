@@ -72,18 +72,10 @@ impl Lpips {
         }
     }
 
-    /// The distance of two pictures: 0 if they are equal.
+    /// The distances of several pictures from one truth, 0 if they are equal. That costs less than one after the other.
     ///
     /// # Errors
     /// [`LpipsError`] if the pictures are too small or not of their size.
-    pub fn distance(&self, &Pair { size, picture, truth }: &Pair) -> Result<f64, LpipsError> {
-        self.distances(size, [picture], truth).map(|[distance]| distance)
-    }
-
-    /// The distances of several pictures from one truth, which costs less than one after the other.
-    ///
-    /// # Errors
-    /// As [`Lpips::distance`].
     pub fn distances<const N: usize>(
         &self,
         size: [u32; 2],
@@ -102,7 +94,7 @@ impl Lpips {
     /// The distance of two pictures, and its gradient with respect to the display values of the first.
     ///
     /// # Errors
-    /// As [`Lpips::distance`].
+    /// As [`Lpips::distances`].
     pub fn distance_and_gradient(&self, pair: &Pair) -> Result<(f64, Vec<[f32; 3]>), LpipsError> {
         let &Pair { size, picture, truth } = pair;
         let (features, truth) = rayon::join(|| self.features(size, picture), || self.features(size, truth));

@@ -59,15 +59,6 @@ impl Gpu {
         pollster::block_on(Gpu::request(instance(), choice, Some(tier)))
     }
 
-    /// Opens a device of the caller's instance (one with a display handle, for a window).
-    ///
-    /// # Errors
-    /// As [`Gpu::new`].
-    #[cfg(not(target_arch = "wasm32"))]
-    pub fn with_instance(instance: wgpu::Instance, choice: &AdapterChoice) -> Result<Gpu, DeviceError> {
-        pollster::block_on(Gpu::request(instance, choice, Tier::from_env()?))
-    }
-
     /// Opens a device of an instance, of the given or the best tier, without blocking the thread: the way in browsers.
     ///
     /// # Errors

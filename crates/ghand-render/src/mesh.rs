@@ -16,7 +16,7 @@ use ghand_core::Camera;
 
 pub(crate) use self::edges::{Segment, segments};
 pub use self::faces::MeshUniforms;
-pub use self::image::{MeshImage, SplatLayer};
+pub use self::image::MeshImage;
 pub(crate) use self::input::check_input;
 pub use self::input::{
     FARTHEST, LINE_WIDTHS, Light, MAX_LIGHTS, MAX_SUPERSAMPLE, MeshError, MeshInstance, MeshStyle, Shading, Surface,

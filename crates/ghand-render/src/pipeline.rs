@@ -17,7 +17,6 @@ pub struct Stage<E> {
 /// A [`Stage`] with what it binds.
 #[derive(Debug)]
 pub struct Bound {
-    label: &'static str,
     pipeline: wgpu::ComputePipeline,
     group: wgpu::BindGroup,
     /// Invocations of a workgroup, at least 1.
@@ -91,7 +90,7 @@ impl<E: ComputeEntry> Stage<E> {
     pub fn bind(&self, gpu: &Gpu, bindings: &E::Bindings<'_>) -> Bound {
         let layout = self.pipeline.get_bind_group_layout(0);
         let group = bind_group(&gpu.device, E::NAME, &layout, self.entry.bindings, bindings);
-        Bound { label: E::NAME, pipeline: self.pipeline.clone(), group, workgroup: self.workgroup() }
+        Bound { pipeline: self.pipeline.clone(), group, workgroup: self.workgroup() }
     }
 
     /// Invocations of a workgroup, at least 1.
@@ -109,11 +108,6 @@ impl<E: ComputeEntry> Stage<E> {
 const MAX_GROUPS: u32 = 65_535;
 
 impl Bound {
-    /// Name of the entry point.
-    pub fn label(&self) -> &'static str {
-        self.label
-    }
-
     /// Dispatches the workgroups for `invocations` as [`Bound::dispatch`] does.
     pub fn dispatch_invocations(&self, pass: &mut wgpu::ComputePass<'_>, invocations: u32) {
         self.dispatch(pass, invocations.div_ceil(self.workgroup));

@@ -122,6 +122,7 @@ mod tests {
     use ghand_avatar::{AvatarConfig, PropertyTables};
     use ghand_core::Side;
     use ghand_hand_model::builtin::builtin_hand;
+    use ghand_hand_model::surface::sample_surface;
     use ghand_render::AdapterChoice;
 
     use super::*;
@@ -131,7 +132,8 @@ mod tests {
         let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
         let model = builtin_hand(Side::Right).unwrap();
         let config = AvatarConfig { uv_resolution: 96, ..Default::default() };
-        let mut avatar = Avatar::untrained_inset(&model, &config, [0.8, 0.6, 0.5], 0.0, 0).unwrap();
+        let samples = sample_surface(&model, 96).unwrap();
+        let mut avatar = Avatar::untrained_at(&model, &samples, &config, [0.8, 0.6, 0.5], 0.0, 0).unwrap();
         let count = avatar.template.len();
         // Small ones, one in forty, are moved into the bone of a finger: the palm is open at the wrist. The skin has no gaps.
         let inside = |p: usize| p % 40 == 7;

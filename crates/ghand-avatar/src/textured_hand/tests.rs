@@ -18,7 +18,7 @@ fn painted(shape: GaussianShape, inset: f64) -> (Avatar, SurfaceSamples) {
     let model = builtin_hand(Side::Right).unwrap();
     let config = AvatarConfig { uv_resolution: 160, gaussians: shape, ..Default::default() };
     let samples = sample_surface(&model, 160).unwrap();
-    let mut avatar = Avatar::untrained_inset(&model, &config, [0.5; 3], inset, 1).unwrap();
+    let mut avatar = Avatar::untrained_at(&model, &samples, &config, [0.5; 3], inset, 1).unwrap();
     let colors: Vec<[f64; 3]> = samples.positions.iter().map(|p| color_at(*p).to_array()).collect();
     avatar.tables.set_constant_colors(&colors);
     (avatar, samples)

@@ -10,6 +10,13 @@ use safetensors::tensor::{Dtype, TensorView};
 use super::alexnet::CONVOLUTIONS;
 use super::*;
 
+impl Lpips {
+    /// The distance of two pictures.
+    fn distance(&self, &Pair { size, picture, truth }: &Pair) -> Result<f64, LpipsError> {
+        self.distances(size, [picture], truth).map(|[distance]| distance)
+    }
+}
+
 /// Two pictures by formula, with values of 8 bits.
 fn pictures([width, height]: [u32; 2]) -> [Vec<[f32; 3]>; 2] {
     [0, 1].map(|seed: u32| {

@@ -39,12 +39,16 @@ pub fn heat_texture() -> Texture {
 /// UVs of the colours of one joint's weights in [`heat_texture`], for row-major weights `[V][joint_count]`.
 ///
 /// # Errors
-/// As [`joint_heat`].
+/// [`MeshError::Invalid`] if the table's length does not match, the joint does not exist, or a weight is not finite.
 pub fn joint_heat_uvs(weights: &[f64], joint_count: usize, joint: usize) -> Result<Vec<DVec2>, MeshError> {
     let texels = f64::from(HEAT_TEXELS);
     // From the centre of the first texel to the centre of the last.
     let uv = |weight: f64| DVec2::new((weight.clamp(0.0, 1.0) * (texels - 1.0) + 0.5) / texels, 0.5);
-    Ok(joint_weights(weights, joint_count, joint)?.map(uv).collect())
+    let rows = rows(weights, joint_count)?;
+    if joint >= joint_count {
+        return MeshError::invalid("joint", format!("{joint} does not exist; there are {joint_count}, counted from 0"));
+    }
+    Ok(rows.map(|row| uv(row[joint])).collect())
 }
 
 /// Lightness of the joints' colours in OKLab, in rotation, so that neighbours along a finger also differ in lightness.
@@ -77,29 +81,8 @@ fn display_from_oklab(lightness: f64, a: f64, b: f64) -> DVec3 {
     DVec3::from(linear.clamp(DVec3::ZERO, DVec3::ONE).to_array().map(encode)).clamp(DVec3::ZERO, DVec3::ONE)
 }
 
-/// Colours of the vertices by the weight of one joint ([`weight_color`]), for row-major weights `[V][joint_count]`.
-///
-/// # Errors
-/// [`MeshError::Invalid`] if the table's length does not match, the joint does not exist, or a weight is not finite.
-pub fn joint_heat(weights: &[f64], joint_count: usize, joint: usize) -> Result<Vec<DVec3>, MeshError> {
-    Ok(joint_weights(weights, joint_count, joint)?.map(weight_color).collect())
-}
-
-/// The weight of one joint at each vertex.
-fn joint_weights(
-    weights: &[f64],
-    joint_count: usize,
-    joint: usize,
-) -> Result<impl Iterator<Item = f64> + '_, MeshError> {
-    let rows = rows(weights, joint_count)?;
-    if joint >= joint_count {
-        return MeshError::invalid("joint", format!("{joint} does not exist; there are {joint_count}, counted from 0"));
-    }
-    Ok(rows.map(move |row| row[joint]))
-}
-
-/// Colours of the vertices by all weights at once: the joints' colours ([`joint_color`]) mixed by weight. Weights as
-/// for [`joint_heat`].
+/// Colours of the vertices by all weights at once: the joints' colours ([`joint_color`]) mixed by weight, for
+/// row-major weights `[V][joint_count]`.
 ///
 /// # Errors
 /// [`MeshError::Invalid`] if the table's length does not match, or a weight is not finite.
@@ -190,21 +173,19 @@ mod tests {
     #[test]
     fn vertices_get_the_colours_of_their_rows() {
         let weights = [1.0, 0.0, 0.0, 0.25, 0.75, 0.0];
-        assert_eq!(joint_heat(&weights, 3, 1).unwrap(), [NO_WEIGHT, weight_color(0.75)]);
+        let at = |weight: f64| DVec2::new((1023.0 * weight + 0.5) / 1024.0, 0.5);
+        assert_eq!(joint_heat_uvs(&weights, 3, 1).unwrap(), [at(0.0), at(0.75)]);
         let mixed = 0.25 * joint_color(0) + 0.75 * joint_color(1);
         assert_eq!(joint_mix(&weights, 3).unwrap(), [joint_color(0), mixed]);
-        assert!(joint_heat(&[], 3, 0).unwrap().is_empty());
+        assert!(joint_heat_uvs(&[], 3, 0).unwrap().is_empty());
     }
 
     #[test]
     fn unusable_weights_are_named() {
-        let says = |result: Result<Vec<DVec3>, MeshError>, text: &str| {
-            let error = result.unwrap_err().to_string();
-            assert!(error.contains(text), "{error}");
-        };
-        says(joint_heat(&[1.0; 5], 3, 0), "5 numbers");
-        says(joint_mix(&[1.0; 5], 0), "weights");
-        says(joint_heat(&[1.0; 6], 3, 3), "joint: 3 does not exist; there are 3");
-        says(joint_mix(&[0.5, 0.5, 0.0, f64::NAN], 2), "vertex 1 has NaN for joint 1");
+        let says = |error: MeshError, text: &str| assert!(error.to_string().contains(text), "{error}");
+        says(joint_heat_uvs(&[1.0; 5], 3, 0).unwrap_err(), "5 numbers");
+        says(joint_mix(&[1.0; 5], 0).unwrap_err(), "weights");
+        says(joint_heat_uvs(&[1.0; 6], 3, 3).unwrap_err(), "joint: 3 does not exist; there are 3");
+        says(joint_mix(&[0.5, 0.5, 0.0, f64::NAN], 2).unwrap_err(), "vertex 1 has NaN for joint 1");
     }
 }

@@ -3,7 +3,7 @@
 use ghand_capture::ColorCorrection;
 use ghand_core::InvalidHandModel;
 use ghand_fit::exposure::{ExposureChoice, WORTHWHILE, fit_exposure};
-use ghand_fit::light_fit::{LightChoice, LightFit, fit_light_to};
+use ghand_fit::light_fit::{LightChoice, LightFit, fit_light};
 use ghand_fit::texels::frames::TexelFrames;
 use ghand_fit::views::TrainViews;
 use ghand_render::Gpu;
@@ -82,7 +82,7 @@ impl Problem {
     /// The light in which the images show the hand; `None` if it is not to be taken apart from skin.
     fn light_of(&self, seen: &TexelFrames) -> Result<Option<LightFit>, InvalidHandModel> {
         let TrainSettings { light, gloss, .. } = self.settings;
-        let fit = || fit_light_to(seen, &self.capture.template, &self.prepared.poses, light, gloss);
+        let fit = || fit_light(seen, &self.capture.template, &self.prepared.poses, light, gloss);
         (light != LightChoice::Off).then(fit).transpose()
     }
 }

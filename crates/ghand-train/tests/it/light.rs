@@ -9,6 +9,7 @@ use ghand_core::light::{DIRECTION_COUNT, directions, linear};
 use ghand_fit::alignment::align;
 use ghand_fit::light_fit::{LightFit, fit_light};
 use ghand_fit::texels::colors::texel_colors;
+use ghand_fit::texels::frames::TexelFrames;
 use ghand_hand_model::surface::sample_surface;
 use ghand_measure::baseline::Baseline;
 use ghand_measure::evaluation::evaluate;
@@ -26,7 +27,8 @@ fn capture(light: LightSetup) -> (Capture, tempfile::TempDir) {
 }
 
 fn fit(gpu: &Gpu, capture: &Capture, poses: &[Pose], choice: LightChoice) -> LightFit {
-    let fit = fit_light(gpu, capture, capture.split("train").unwrap(), poses, choice, GlossChoice::Auto).unwrap();
+    let seen = TexelFrames::new(gpu, capture, capture.split("train").unwrap(), poses).unwrap();
+    let fit = fit_light(&seen, &capture.template, poses, choice, GlossChoice::Auto).unwrap();
     println!("{choice:?}: {:?}", fit.report());
     fit
 }
@@ -104,9 +106,8 @@ fn skin_without_light_on_it_needs_none() {
     let fit = fit(&gpu, &flat, &poses, LightChoice::Auto);
     assert_eq!(fit.light, None, "{:?}", fit.figures);
     // What is asked for is done all the same.
-    let forced =
-        fit_light(&gpu, &flat, flat.split("train").unwrap(), &poses, LightChoice::Transfer, GlossChoice::Always)
-            .unwrap();
+    let seen = TexelFrames::new(&gpu, &flat, flat.split("train").unwrap(), &poses).unwrap();
+    let forced = fit_light(&seen, &flat.template, &poses, LightChoice::Transfer, GlossChoice::Always).unwrap();
     assert!(forced.light.unwrap().kind == LightKind::Transfer && forced.gloss.is_some());
 }
 

@@ -7,6 +7,7 @@ use ghand_avatar::{Avatar, AvatarConfig, DirectTables};
 use ghand_capture::Capture;
 use ghand_core::Pose;
 use ghand_core::pose_response::{PoseResponse, UNLIMITED, pose_features};
+use ghand_hand_model::surface::sample_surface;
 use ghand_measure::baseline::Baseline;
 use ghand_measure::evaluation::evaluate;
 use ghand_render::{AdapterChoice, Gpu};
@@ -79,7 +80,8 @@ fn planted(change: impl FnOnce(&mut Avatar)) -> Planted {
     for (frame, pose) in capture.frames.iter_mut().zip(truth) {
         frame.pose = pose.unwrap();
     }
-    let mut avatar = Avatar::untrained_inset(&capture.template, &config(), [0.5; 3], INSET, 1).unwrap();
+    let samples = sample_surface(&capture.template, config().uv_resolution).unwrap();
+    let mut avatar = Avatar::untrained_at(&capture.template, &samples, &config(), [0.5; 3], INSET, 1).unwrap();
     let mut rng = ChaCha8Rng::seed_from_u64(9);
     let colors: Vec<[f64; 3]> =
         (0..avatar.template.len()).map(|_| [0.75, 0.55, 0.45].map(|mean| mean + rng.random_range(-0.2..0.2))).collect();
