@@ -18,7 +18,7 @@ fn picture([width, height]: [u32; 2], seed: u32) -> Vec<[f32; 3]> {
 }
 
 fn benchmark(c: &mut Criterion) {
-    let lpips = Lpips::random();
+    let lpips = Lpips::built_in().unwrap();
     for size in SIZES {
         let (picture, truth) = (picture(size, 0), picture(size, 1));
         let pair = Pair { size, picture: &picture, truth: &truth };

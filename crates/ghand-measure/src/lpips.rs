@@ -52,11 +52,6 @@ impl Lpips {
         Weights::load(path).map(Lpips::new)
     }
 
-    /// With random weights: distances have no meaning, but cost as much as others.
-    pub fn random() -> Lpips {
-        Lpips::new(Weights::random())
-    }
-
     fn new(weights: Weights) -> Lpips {
         Lpips { network: Network::new(&weights), linear: weights.linear }
     }

@@ -10,7 +10,39 @@ use safetensors::tensor::{Dtype, TensorView};
 use super::alexnet::CONVOLUTIONS;
 use super::*;
 
+impl Weights {
+    /// Random weights, the same ones each time; `reference.py` makes them, too. They keep the size of the
+    /// features from layer to layer.
+    fn random() -> Weights {
+        let mut tensor = 0;
+        let mut uniform = |count: usize, least: f64, most: f64| -> Vec<f32> {
+            tensor += 1;
+            (0..count).map(|k| (least + (most - least) * random_unit(tensor, k as u32)) as f32).collect()
+        };
+        let convolutions = CONVOLUTIONS.iter().map(|conv| {
+            let [weight, _] = conv.shapes();
+            let most = (6.0 / (conv.inputs * conv.kernel * conv.kernel) as f64).sqrt();
+            [uniform(weight.iter().product(), -most, most), uniform(conv.outputs, -0.1, 0.1)]
+        });
+        let convolutions = convolutions.collect();
+        let linear = CONVOLUTIONS.iter().map(|conv| uniform(conv.outputs, 0.0, 1.0)).collect();
+        Weights { convolutions, linear }
+    }
+}
+
+/// A number from 0 to 1 for each value of each tensor: the last step of the hash MurmurHash3.
+fn random_unit(tensor: u32, value: u32) -> f64 {
+    let mut h = value.wrapping_mul(0x9e37_79b1) ^ tensor.wrapping_mul(0x7feb_352d);
+    h = (h ^ (h >> 16)).wrapping_mul(0x85eb_ca6b);
+    h = (h ^ (h >> 13)).wrapping_mul(0xc2b2_ae35);
+    f64::from(h ^ (h >> 16)) / 4_294_967_296.0
+}
+
 impl Lpips {
+    fn random() -> Lpips {
+        Lpips::new(Weights::random())
+    }
+
     /// The distance of two pictures.
     fn distance(&self, &Pair { size, picture, truth }: &Pair) -> Result<f64, LpipsError> {
         self.distances(size, [picture], truth).map(|[distance]| distance)

@@ -85,24 +85,6 @@ impl Weights {
         })
     }
 
-    /// Random weights, the same ones each time; `reference.py` of the tests makes them, too. They keep the size of the
-    /// features from layer to layer.
-    pub fn random() -> Weights {
-        let mut tensor = 0;
-        let mut uniform = |count: usize, least: f64, most: f64| -> Vec<f32> {
-            tensor += 1;
-            (0..count).map(|k| (least + (most - least) * random_unit(tensor, k as u32)) as f32).collect()
-        };
-        let convolutions = CONVOLUTIONS.iter().map(|conv| {
-            let [weight, _] = conv.shapes();
-            let most = (6.0 / (conv.inputs * conv.kernel * conv.kernel) as f64).sqrt();
-            [uniform(weight.iter().product(), -most, most), uniform(conv.outputs, -0.1, 0.1)]
-        });
-        let convolutions = convolutions.collect();
-        let linear = CONVOLUTIONS.iter().map(|conv| uniform(conv.outputs, 0.0, 1.0)).collect();
-        Weights { convolutions, linear }
-    }
-
     fn parse(bytes: &[u8]) -> Result<Weights, Wrong> {
         let broken = |e| wrong("file", format!("is not a safetensors file, or is truncated ({e})"));
         let (_, header) = SafeTensors::read_metadata(bytes).map_err(broken)?;
@@ -127,14 +109,6 @@ impl Weights {
         }
         Ok(Weights { convolutions, linear })
     }
-}
-
-/// A number from 0 to 1 for each value of each tensor: the last step of the hash MurmurHash3.
-fn random_unit(tensor: u32, value: u32) -> f64 {
-    let mut h = value.wrapping_mul(0x9e37_79b1) ^ tensor.wrapping_mul(0x7feb_352d);
-    h = (h ^ (h >> 16)).wrapping_mul(0x85eb_ca6b);
-    h = (h ^ (h >> 13)).wrapping_mul(0xc2b2_ae35);
-    f64::from(h ^ (h >> 16)) / 4_294_967_296.0
 }
 
 /// What is wrong with which part of a file.

@@ -1,4 +1,4 @@
-//! LPIPS in the training step and in a whole run, with random weights.
+//! LPIPS in the training step and in a whole run.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -71,7 +71,7 @@ fn the_gradient_of_lpips_is_added_to_that_of_the_other_terms() {
     let folder = tempfile::tempdir().unwrap();
     let capture = small_capture(&gpu, &folder.path().join("capture"));
     let views = TrainViews::new(&capture, capture.split("train").unwrap(), 16).unwrap();
-    let lpips = Arc::new(Lpips::random());
+    let lpips = Arc::new(Lpips::built_in().unwrap());
     let whole = views.get(0, 1).unwrap();
     // The second is smaller than AlexNet can process; the third has a mean over twice as many values.
     let small = whole.reduced(6);
@@ -112,7 +112,7 @@ fn a_run_with_lpips_is_repeatable_and_a_weight_of_zero_is_a_run_without() {
     let capture = small_capture(&gpu, &folder.path().join("capture"));
     let bytes = |with_lpips: bool, lpips_weight: f64| {
         let settings = TrainSettings { lpips_weight, ..settings() };
-        let lpips = with_lpips.then(|| Arc::new(Lpips::random()));
+        let lpips = with_lpips.then(|| Arc::new(Lpips::built_in().unwrap()));
         let trainer = Trainer::new(&gpu, &capture, "train", &settings).unwrap().with_lpips(lpips);
         let path = folder.path().join("avatar.ghand");
         trainer.train(|_| ()).unwrap().avatar.save(&path).unwrap();
