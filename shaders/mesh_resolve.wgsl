@@ -7,24 +7,17 @@ struct ResolveUniforms {
     supersample: u32,
     // Width of the border around the image that is drawn but not kept, pixels.
     margin: u32,
-    // Colour of visible lines and of lines behind faces; w unused.
+    // Colour of the lines, and 1; 0 if there are none, so that their texture is not read.
     line_color: vec4f,
-    hidden_color: vec4f,
-    // Whether there are lines; without them their textures are not read.
-    lines: u32,
-    // Near plane, metres: inverse depth is line depth / near.
-    near: f32,
-    padding: vec2u,
 }
 
 @group(0) @binding(0) var<uniform> uniforms: ResolveUniforms;
 @group(0) @binding(1) var face_colors: texture_2d<f32>;
 @group(0) @binding(2) var face_depths: texture_2d<f32>;
-// Coverage by visible lines and by lines behind faces.
+// Coverage by visible lines.
 @group(0) @binding(3) var line_coverages: texture_2d<f32>;
-@group(0) @binding(4) var line_depths: texture_depth_2d;
-@group(0) @binding(5) var<storage, read_write> image: array<vec4f>;
-@group(0) @binding(6) var<storage, read_write> depths: array<f32>;
+@group(0) @binding(4) var<storage, read_write> image: array<vec4f>;
+@group(0) @binding(5) var<storage, read_write> depths: array<f32>;
 
 // The nearer of two depths, where 0 marks nothing (nothing in front of the near plane has it).
 fn nearer(a: f32, b: f32) -> f32 {
@@ -48,14 +41,8 @@ fn resolve(@builtin(global_invocation_id) id: vec3u) {
             if color.a > 0.0 {
                 nearest = nearer(nearest, textureLoad(face_depths, at, 0).r);
             }
-            if uniforms.lines != 0u {
-                let coverage = textureLoad(line_coverages, at, 0).rg;
-                color = mix(color, vec4f(uniforms.hidden_color.rgb, 1.0), coverage.g);
-                color = mix(color, vec4f(uniforms.line_color.rgb, 1.0), coverage.r);
-                let depth = textureLoad(line_depths, at, 0);
-                if depth > 0.0 {
-                    nearest = nearer(nearest, uniforms.near / depth);
-                }
+            if uniforms.line_color.a > 0.0 {
+                color = mix(color, uniforms.line_color, textureLoad(line_coverages, at, 0).r);
             }
             sum += color;
         }

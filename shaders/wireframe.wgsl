@@ -1,18 +1,12 @@
-// Edges of a mesh as lines of constant width, each a rectangle around its centre line: the part of a sample that lines
-// cover (`line_coverage`) and the depth of the lines (`line_depth`). CPU twin: `reference/wireframe.rs`.
+// Edges of a mesh as lines of constant width, each a rectangle around its centre line: the part of a sample that visible
+// lines cover. CPU twin: `reference/wireframe.rs`.
 
 struct WireframeUniforms {
     // Size of the target, samples.
     size: vec2f,
     // Half the width of a line, samples.
     half_width: f32,
-    // Near plane, metres.
-    near: f32,
-    // 1: lines behind faces are drawn, too.
-    hidden: u32,
-    padding_1: u32,
-    padding_2: u32,
-    padding_3: u32,
+    padding: u32,
 }
 
 @group(0) @binding(0) var<uniform> uniforms: WireframeUniforms;
@@ -48,14 +42,10 @@ fn line_vertex(
     return out;
 }
 
-// A line at a sample.
-struct Line {
-    coverage: f32,
-    inverse_depth: f32,
-    in_sight: bool,
-}
-
-fn line_at(in: Varyings) -> Line {
+// Coverage by a line that no face hides. Targets keep the larger value, so that lines that meet or overlap are drawn
+// once, in any order.
+@fragment
+fn line_coverage(in: Varyings) -> @location(0) f32 {
     let at = in.clip.xy;
     let start = in.ends.xy;
     let along = in.ends.zw - start;
@@ -79,25 +69,5 @@ fn line_at(in: Varyings) -> Line {
         let face = select(1.0 / z, 0.0, z == 0.0);
         in_sight = in_sight || inverse_depth + in.inverse_depths.z >= face;
     }
-    return Line(coverage, inverse_depth, in_sight);
-}
-
-// Coverage by visible lines and by lines behind faces. Targets keep the larger value, so that lines that meet or
-// overlap are drawn once, in any order.
-@fragment
-fn line_coverage(in: Varyings) -> @location(0) vec2f {
-    let line = line_at(in);
-    if line.in_sight {
-        return vec2f(line.coverage, 0.0);
-    }
-    return vec2f(0.0, select(0.0, line.coverage, uniforms.hidden != 0u));
-}
-
-@fragment
-fn line_depth(in: Varyings) -> @builtin(frag_depth) f32 {
-    let line = line_at(in);
-    if line.coverage == 0.0 || !(line.in_sight || uniforms.hidden != 0u) {
-        discard;
-    }
-    return uniforms.near * line.inverse_depth;
+    return select(0.0, coverage, in_sight);
 }

@@ -54,10 +54,8 @@ struct Targets {
     color: wgpu::TextureView,
     /// Camera z of the faces, metres; 0 in samples without a face.
     face_depth: wgpu::TextureView,
-    /// Coverage by visible lines and by lines behind faces; one sample if there are no lines.
+    /// Coverage by visible lines; one sample if there are no lines.
     coverage: wgpu::TextureView,
-    /// Near plane over the camera z of lines, 0 in samples without a line; one sample if there are no lines.
-    line_depth: wgpu::TextureView,
 }
 
 impl MeshRenderer {
@@ -109,8 +107,7 @@ impl MeshRenderer {
         if let Some(wireframe) = &style.wireframe {
             let half_width = 0.5 * wireframe.width * f64::from(k);
             let segments = segments(mesh.positions, mesh.triangles, &around, k, half_width + 1.0);
-            let hidden = wireframe.hidden.is_some();
-            self.lines.encode(&self.context, encoder, &segments, half_width, hidden, &targets);
+            self.lines.encode(&self.context, encoder, &segments, half_width, &targets);
         }
         self.resolve.encode(&self.context, encoder, camera, style, margin, &targets)
     }
@@ -164,7 +161,6 @@ impl Context {
             color: self.target("mesh color", size, faces::COLOR_FORMAT),
             face_depth: self.target("mesh face depth", size, faces::SAMPLE_DEPTH_FORMAT),
             coverage: self.target("wireframe coverage", line_size, wireframe::COVERAGE_FORMAT),
-            line_depth: self.target("wireframe depth", line_size, wireframe::LINE_DEPTH_FORMAT),
         }
     }
 

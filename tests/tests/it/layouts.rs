@@ -144,8 +144,8 @@ fn host_layouts() -> Vec<Layout> {
             padding,
         }),
         host_layout!(MeshUniforms { clip_x, clip_y, settings, modes, ambient, light_directions, light_colors }),
-        host_layout!(WireframeUniforms { size, half_width, near, hidden, padding_1, padding_2, padding_3 }),
-        host_layout!(ResolveUniforms { size, supersample, margin, line_color, hidden_color, lines, near, padding }),
+        host_layout!(WireframeUniforms { size, half_width, padding }),
+        host_layout!(ResolveUniforms { size, supersample, margin, line_color }),
     ]
 }
 

@@ -9,8 +9,7 @@ pub struct MeshImage {
     pub height: u32,
     /// Row-major pixels, premultiplied: (colour x coverage, coverage), each in `[0, 1]`.
     pub rgba: Vec<[f32; 4]>,
-    /// Smallest camera z of the visible faces and lines in each pixel, metres; infinity in empty pixels. A line has the
-    /// depth of its centre line.
+    /// Smallest camera z of the visible faces in each pixel, metres; infinity in pixels without a face.
     pub depth: Vec<f32>,
 }
 

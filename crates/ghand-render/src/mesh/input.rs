@@ -110,16 +110,14 @@ impl Shading {
 
 /// The mesh's edges as lines.
 ///
-/// A line has its full width everywhere, also on the outline, and round ends. Its visibility is decided at its centre
-/// line, for the whole width at once.
+/// A line has its full width everywhere, also on the outline, and round ends. Faces hide what is behind them: that is
+/// decided at its centre line, for the whole width at once.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Wireframe {
     /// Width, pixels of the image, within [`LINE_WIDTHS`].
     pub width: f64,
-    /// Colour of lines that no face hides, display values.
+    /// Colour, display values.
     pub color: DVec3,
-    /// Colour of lines behind faces, drawn over the faces; `None` to skip them.
-    pub hidden: Option<DVec3>,
 }
 
 impl Wireframe {
@@ -254,12 +252,12 @@ fn check_style(style: &MeshStyle) -> Result<(), MeshError> {
             return MeshError::invalid("wrap", format!("{wrap} is outside 0 to 1"));
         }
     }
-    if let Some(Wireframe { width, color, hidden }) = &style.wireframe {
+    if let Some(Wireframe { width, color }) = &style.wireframe {
         let [thinnest, widest] = LINE_WIDTHS;
         if !(thinnest..=widest).contains(width) {
             return MeshError::invalid("line width", format!("{width} px is outside {thinnest} to {widest}"));
         }
-        if !(is_color(*color) && hidden.is_none_or(is_color)) {
+        if !is_color(*color) {
             return MeshError::invalid("line color", "is not within 0 to 1");
         }
     }

@@ -2,9 +2,8 @@
 
 use bytemuck::{Pod, Zeroable};
 use ghand_core::Camera;
-use glam::DVec3;
 
-use super::{Context, MeshError, MeshImage, MeshStyle, NEAR_PLANE, Targets};
+use super::{Context, MeshError, MeshImage, MeshStyle, Targets};
 use crate::pipeline::{Module, Stage};
 use crate::{Gpu, RenderError, buffers, stages};
 
@@ -18,16 +17,8 @@ pub struct ResolveUniforms {
     pub supersample: u32,
     /// Margin of pixels that were drawn around the image and are removed.
     pub margin: u32,
-    /// Colour of visible lines.
+    /// Colour of the lines, and 1; 0 if there are none.
     pub line_color: [f32; 4],
-    /// Colour of lines behind faces.
-    pub hidden_color: [f32; 4],
-    /// Whether there are lines.
-    pub lines: u32,
-    /// Near plane, metres.
-    pub near: f32,
-    /// Unused.
-    pub padding: [u32; 2],
 }
 
 /// An image on the device.
@@ -70,16 +61,11 @@ impl Resolve {
         margin: u32,
         targets: &Targets,
     ) -> Resolved {
-        let row = |color: DVec3| color.as_vec3().extend(0.0).to_array();
         let uniforms = ResolveUniforms {
             size: [camera.width, camera.height],
             supersample: style.supersample,
             margin,
-            line_color: style.wireframe.map_or([0.0; 4], |w| row(w.color)),
-            hidden_color: style.wireframe.and_then(|w| w.hidden).map_or([0.0; 4], row),
-            lines: u32::from(style.wireframe.is_some()),
-            near: NEAR_PLANE as f32,
-            padding: [0; 2],
+            line_color: style.wireframe.map_or([0.0; 4], |w| w.color.as_vec3().extend(1.0).to_array()),
         };
         let uniforms = context.buffer(bytemuck::bytes_of(&uniforms), wgpu::BufferUsages::UNIFORM);
         let pixels = camera.width as usize * camera.height as usize;
@@ -93,7 +79,6 @@ impl Resolve {
                 face_colors: &targets.color,
                 face_depths: &targets.face_depth,
                 line_coverages: &targets.coverage,
-                line_depths: &targets.line_depth,
                 image: &colors,
                 depths: &depths,
             },

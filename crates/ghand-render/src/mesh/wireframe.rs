@@ -3,7 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 
 use super::edges::Segment;
-use super::{Context, NEAR_PLANE, Targets, color_target};
+use super::{Context, Targets, color_target};
 use crate::bindings::RenderBindings;
 use crate::shader_sources::Shader;
 use crate::stages::{Wireframe, WireframeBindings};
@@ -25,27 +25,17 @@ pub struct WireframeUniforms {
     pub size: [f32; 2],
     /// Half the width of a line, samples.
     pub half_width: f32,
-    /// Near plane, metres.
-    pub near: f32,
-    /// 1 to also draw lines behind faces.
-    pub hidden: u32,
     /// Unused.
-    pub padding_1: u32,
-    /// Unused.
-    pub padding_2: u32,
-    /// Unused.
-    pub padding_3: u32,
+    pub padding: u32,
 }
 
-/// Coverage by visible lines and by hidden lines, in a format that every device can blend.
-pub(super) const COVERAGE_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rg16Float;
-pub(super) const LINE_DEPTH_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
+/// Coverage by visible lines, in a format that every device can blend.
+pub(super) const COVERAGE_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::R16Float;
 
 /// Draws lines.
 #[derive(Debug)]
 pub(super) struct Lines {
-    cover: wgpu::RenderPipeline,
-    depth: wgpu::RenderPipeline,
+    pipeline: wgpu::RenderPipeline,
     bindings: RenderBindings<Wireframe>,
 }
 
@@ -53,36 +43,6 @@ impl Lines {
     pub fn new(device: &wgpu::Device) -> Lines {
         let module = Shader::named("wireframe").module(device);
         let attributes = wgpu::vertex_attr_array![0 => Float32x4, 1 => Float32x3];
-        let pipeline = |entry_point, targets: &[Option<wgpu::ColorTargetState>], depth_stencil| {
-            device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-                label: Some("wireframe"),
-                layout: None,
-                vertex: wgpu::VertexState {
-                    module: &module,
-                    entry_point: Some("line_vertex"),
-                    compilation_options: Default::default(),
-                    buffers: &[Some(wgpu::VertexBufferLayout {
-                        array_stride: size_of::<LineInstance>() as u64,
-                        step_mode: wgpu::VertexStepMode::Instance,
-                        attributes: &attributes,
-                    })],
-                },
-                primitive: wgpu::PrimitiveState {
-                    topology: wgpu::PrimitiveTopology::TriangleStrip,
-                    ..Default::default()
-                },
-                depth_stencil,
-                multisample: Default::default(),
-                fragment: Some(wgpu::FragmentState {
-                    module: &module,
-                    entry_point: Some(entry_point),
-                    compilation_options: Default::default(),
-                    targets,
-                }),
-                multiview_mask: None,
-                cache: None,
-            })
-        };
         let larger = wgpu::BlendComponent {
             src_factor: wgpu::BlendFactor::One,
             dst_factor: wgpu::BlendFactor::One,
@@ -93,68 +53,63 @@ impl Lines {
             blend: Some(wgpu::BlendState { color: larger, alpha: larger }),
             write_mask: wgpu::ColorWrites::ALL,
         };
-        let nearest = wgpu::DepthStencilState {
-            format: LINE_DEPTH_FORMAT,
-            depth_write_enabled: Some(true),
-            depth_compare: Some(wgpu::CompareFunction::Greater),
-            stencil: Default::default(),
-            bias: Default::default(),
-        };
-        Lines {
-            bindings: RenderBindings::new(&["line_vertex", "line_coverage", "line_depth"]),
-            cover: pipeline("line_coverage", &[Some(coverage)], None),
-            depth: pipeline("line_depth", &[], Some(nearest)),
-        }
+        let pipeline = device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+            label: Some("wireframe"),
+            layout: None,
+            vertex: wgpu::VertexState {
+                module: &module,
+                entry_point: Some("line_vertex"),
+                compilation_options: Default::default(),
+                buffers: &[Some(wgpu::VertexBufferLayout {
+                    array_stride: size_of::<LineInstance>() as u64,
+                    step_mode: wgpu::VertexStepMode::Instance,
+                    attributes: &attributes,
+                })],
+            },
+            primitive: wgpu::PrimitiveState { topology: wgpu::PrimitiveTopology::TriangleStrip, ..Default::default() },
+            depth_stencil: None,
+            multisample: Default::default(),
+            fragment: Some(wgpu::FragmentState {
+                module: &module,
+                entry_point: Some("line_coverage"),
+                compilation_options: Default::default(),
+                targets: &[Some(coverage)],
+            }),
+            multiview_mask: None,
+            cache: None,
+        });
+        Lines { bindings: RenderBindings::new(&["line_vertex", "line_coverage"]), pipeline }
     }
 
-    /// Fills `targets.coverage` and `targets.line_depth`; `targets.face_depth` must already be drawn. `half_width` is
-    /// in samples.
+    /// Fills `targets.coverage`; `targets.face_depth` must already be drawn. `half_width` is in samples.
     pub fn encode(
         &self,
         context: &Context,
         encoder: &mut wgpu::CommandEncoder,
         segments: &[Segment],
         half_width: f64,
-        hidden: bool,
         targets: &Targets,
     ) {
-        let uniforms = WireframeUniforms {
-            size: targets.size.map(|v| v as f32),
-            half_width: half_width as f32,
-            near: NEAR_PLANE as f32,
-            hidden: u32::from(hidden),
-            ..Zeroable::zeroed()
-        };
+        let uniforms =
+            WireframeUniforms { size: targets.size.map(|v| v as f32), half_width: half_width as f32, padding: 0 };
         let uniforms = context.buffer(bytemuck::bytes_of(&uniforms), wgpu::BufferUsages::UNIFORM);
-        let instances: Vec<LineInstance> = segments.iter().map(instance).collect();
-        // An empty buffer cannot be made.
-        let lines = (!instances.is_empty())
-            .then(|| context.buffer(bytemuck::cast_slice(&instances), wgpu::BufferUsages::VERTEX));
-        let draw = |pass: &mut wgpu::RenderPass<'_>, pipeline: &wgpu::RenderPipeline| {
-            let Some(lines) = &lines else { return };
-            let bindings = WireframeBindings { uniforms: &uniforms, face_depths: &targets.face_depth };
-            let group = self.bindings.group(&context.device, pipeline, &bindings);
-            pass.set_pipeline(pipeline);
-            pass.set_bind_group(0, &group, &[]);
-            pass.set_vertex_buffer(0, lines.slice(..));
-            pass.draw(0..4, 0..instances.len() as u32);
-        };
-        let cover = wgpu::RenderPassDescriptor {
+        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("wireframe"),
             color_attachments: &[color_target(&targets.coverage)],
             ..Default::default()
-        };
-        draw(&mut encoder.begin_render_pass(&cover), &self.cover);
-        let depth = wgpu::RenderPassDescriptor {
-            label: Some("wireframe depth"),
-            depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
-                view: &targets.line_depth,
-                depth_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Clear(0.0), store: wgpu::StoreOp::Store }),
-                stencil_ops: None,
-            }),
-            ..Default::default()
-        };
-        draw(&mut encoder.begin_render_pass(&depth), &self.depth);
+        });
+        // An empty buffer cannot be made.
+        if segments.is_empty() {
+            return;
+        }
+        let instances: Vec<LineInstance> = segments.iter().map(instance).collect();
+        let lines = context.buffer(bytemuck::cast_slice(&instances), wgpu::BufferUsages::VERTEX);
+        let bindings = WireframeBindings { uniforms: &uniforms, face_depths: &targets.face_depth };
+        let group = self.bindings.group(&context.device, &self.pipeline, &bindings);
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(0, &group, &[]);
+        pass.set_vertex_buffer(0, lines.slice(..));
+        pass.draw(0..4, 0..instances.len() as u32);
     }
 }
 

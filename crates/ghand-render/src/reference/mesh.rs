@@ -4,10 +4,9 @@ use ghand_core::Camera;
 use ghand_core::mesh::Texture;
 use glam::{DVec2, DVec3, DVec4};
 
-use super::wireframe::{FaceDepths, LineSamples, draw_lines};
+use super::wireframe::{FaceDepths, line_coverage};
 use crate::mesh::{
-    MeshError, MeshImage, MeshInstance, MeshStyle, NEAR_PLANE, Shading, Surface, Wireframe, check_input, segments,
-    with_margin,
+    MeshError, MeshImage, MeshInstance, MeshStyle, NEAR_PLANE, Shading, Surface, check_input, segments, with_margin,
 };
 
 /// Vertex in camera axes with the values that are interpolated over a triangle.
@@ -80,7 +79,7 @@ pub fn render(mesh: &MeshInstance, camera: &Camera, style: &MeshStyle) -> Result
         let half_width = 0.5 * wireframe.width * k as f64;
         let segments = segments(mesh.positions, mesh.triangles, &around, style.supersample, half_width + 1.0);
         let depths = FaceDepths { width, height, depth: &faces.depth };
-        (wireframe, draw_lines(&segments, half_width, wireframe.hidden.is_some(), &depths))
+        (wireframe.color, line_coverage(&segments, half_width, &depths))
     });
     Ok(resolve(&faces, lines.as_ref(), camera, style, margin as usize))
 }
@@ -183,7 +182,7 @@ fn shade(color: DVec3, normal: DVec3, light_visibility: f64, shading: &Shading) 
 
 fn resolve(
     faces: &FaceSamples,
-    lines: Option<&(Wireframe, LineSamples)>,
+    lines: Option<&(DVec3, Vec<f64>)>,
     camera: &Camera,
     style: &MeshStyle,
     margin: usize,
@@ -207,11 +206,8 @@ fn resolve(
                 color = faces.color[index].extend(1.0);
                 nearest = nearest.min(faces.depth[index]);
             }
-            if let Some((wireframe, lines)) = lines {
-                let hidden = wireframe.hidden.unwrap_or_default();
-                color = color.lerp(hidden.extend(1.0), lines.hidden[index]);
-                color = color.lerp(wireframe.color.extend(1.0), lines.visible[index]);
-                nearest = nearest.min(lines.depth[index]);
+            if let Some((line_color, covered)) = lines {
+                color = color.lerp(line_color.extend(1.0), covered[index]);
             }
             sum += color;
         }

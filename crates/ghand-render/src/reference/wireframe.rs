@@ -4,16 +4,6 @@ use glam::DVec2;
 
 use crate::mesh::Segment;
 
-/// The lines at k times the image's size.
-pub(super) struct LineSamples {
-    /// Coverage by visible lines.
-    pub visible: Vec<f64>,
-    /// Coverage by lines behind faces; 0 if they are not drawn.
-    pub hidden: Vec<f64>,
-    /// Camera z of the nearest line, infinity where there is none.
-    pub depth: Vec<f64>,
-}
-
 /// Camera z of the faces at k times the image's size; infinity where there is no face.
 pub(super) struct FaceDepths<'a> {
     pub width: usize,
@@ -21,11 +11,9 @@ pub(super) struct FaceDepths<'a> {
     pub depth: &'a [f64],
 }
 
-/// Draws lines over faces, `half_width` samples wide on each side.
-pub(super) fn draw_lines(segments: &[Segment], half_width: f64, hidden: bool, faces: &FaceDepths) -> LineSamples {
-    let count = faces.width * faces.height;
-    let mut lines =
-        LineSamples { visible: vec![0.0; count], hidden: vec![0.0; count], depth: vec![f64::INFINITY; count] };
+/// Coverage of the samples, at k times the image's size, by visible lines `half_width` samples wide on each side.
+pub(super) fn line_coverage(segments: &[Segment], half_width: f64, faces: &FaceDepths) -> Vec<f64> {
+    let mut covered = vec![0.0f64; faces.width * faces.height];
     let reach = half_width + 0.5;
     for segment in segments {
         let [a, b] = segment.ends;
@@ -38,18 +26,14 @@ pub(super) fn draw_lines(segments: &[Segment], half_width: f64, hidden: bool, fa
                 let middle = a.lerp(b, t);
                 let coverage = coverage(at.distance(middle), half_width);
                 let inverse_depth = segment.inverse_depths[0] * (1.0 - t) + segment.inverse_depths[1] * t;
-                let visible = visible(middle, inverse_depth + segment.tolerance, faces);
-                if coverage == 0.0 || !(visible || hidden) {
-                    continue;
+                if visible(middle, inverse_depth + segment.tolerance, faces) {
+                    let sample = &mut covered[y * faces.width + x];
+                    *sample = sample.max(coverage);
                 }
-                let index = y * faces.width + x;
-                let covered = if visible { &mut lines.visible } else { &mut lines.hidden };
-                covered[index] = covered[index].max(coverage);
-                lines.depth[index] = lines.depth[index].min(1.0 / inverse_depth);
             }
         }
     }
-    lines
+    covered
 }
 
 /// Position on a segment, 0 to 1, of the point nearest to a sample.

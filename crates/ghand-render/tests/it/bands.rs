@@ -138,7 +138,7 @@ fn the_blocks_of_a_large_mesh_image_join_without_a_seam() {
     let far = Camera::look_at(DVec3::new(0.25, -0.2, 0.3), DVec3::ZERO, DVec3::Y, 0.5, 75, 61);
     // Wide enough for two blocks, with the torus at their border.
     let camera = Camera { focal: far.focal * 1.5, ..far.cropped(-984, -20, 1060, 100) };
-    let style = lines(2, lights(), 1.5, None);
+    let style = lines(2, lights(), 1.5);
     let whole = renderer.render(&torus.textured(), &camera, &style).unwrap();
     assert_eq!((whole.width, whole.height, whole.rgba.len(), whole.depth.len()), (1060, 100, 106_000, 106_000));
     let (left, width): (i32, u32) = (980, 80);

@@ -5,7 +5,7 @@ use crate::common::meshes::{Model, at_pixel, camera, camera_inside, compare, cov
 use ghand_core::Camera;
 use ghand_core::mesh::Texture;
 use ghand_render::mesh::weights::{joint_mix, weight_color};
-use ghand_render::mesh::{MeshInstance, MeshRenderer, MeshStyle, Shading, Surface};
+use ghand_render::mesh::{MeshInstance, MeshRenderer, MeshStyle, Shading, Surface, Wireframe};
 use ghand_render::reference::mesh::render;
 use glam::{DVec2, DVec3};
 
@@ -143,13 +143,8 @@ fn extreme_meshes_are_drawn_as_the_twin_draws_them_in_every_style() {
     let renderer = MeshRenderer::new(&gpu()).unwrap();
     for (name, model, camera, flips, [faces_seen, lines_seen]) in extremes() {
         let styles = [faces(1, Shading::Unlit), faces(3, lights())].map(|s| (s, faces_seen));
-        let hidden = Some(DVec3::new(0.1, 0.3, 0.5));
-        let line_styles = [
-            lines(1, Shading::Transparent, 0.5, None),
-            lines(2, Shading::Transparent, 1.5, hidden),
-            lines(2, Shading::Transparent, 8.0, None),
-        ];
-        let over_faces = lines(3, lights(), 1.0, None);
+        let line_styles = [(1, 0.5), (2, 1.5), (2, 8.0)].map(|(k, width)| lines(k, Shading::Transparent, width));
+        let over_faces = lines(3, lights(), 1.0);
         let line_styles = line_styles.map(|s| (s, lines_seen)).into_iter();
         for (style, seen) in styles.into_iter().chain(line_styles).chain([(over_faces, faces_seen || lines_seen)]) {
             for mesh in [model.textured(), model.colored()] {
@@ -213,9 +208,10 @@ fn unusable_input_is_named() {
     }
     says(mesh, &camera, &faces(5, lights()), "supersample");
     for width in [0.0, -1.0, 17.0, f64::NAN] {
-        says(mesh, &camera, &lines(1, lights(), width, None), "line width");
+        says(mesh, &camera, &lines(1, lights(), width), "line width");
     }
-    says(mesh, &camera, &lines(1, lights(), 1.0, Some(DVec3::NAN)), "line color");
+    let no_color = Some(Wireframe { width: 1.0, color: DVec3::NAN });
+    says(mesh, &camera, &MeshStyle { wireframe: no_color, ..style.clone() }, "line color");
     for wrap in [-0.1, 1.1, f64::NAN] {
         let Shading::Lit { ambient, lights, .. } = lights() else { panic!("not lit") };
         says(mesh, &camera, &faces(1, Shading::Lit { ambient, lights, wrap }), "wrap");

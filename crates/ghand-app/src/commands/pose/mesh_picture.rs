@@ -90,7 +90,7 @@ pub fn draw(
     };
     let has_lines = matches!(style, PictureStyle::Wireframe | PictureStyle::SolidWireframe);
     let width = line_width(model, positions, camera);
-    let wireframe = has_lines.then_some(Wireframe { width, color: LINES, hidden: None });
+    let wireframe = has_lines.then_some(Wireframe { width, color: LINES });
     let mesh = MeshInstance {
         positions,
         normals: &model.vertex_normals(positions),

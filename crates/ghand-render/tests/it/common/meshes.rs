@@ -104,9 +104,9 @@ pub fn faces(supersample: u32, shading: Shading) -> MeshStyle {
     MeshStyle { supersample, shading, wireframe: None }
 }
 
-pub fn lines(supersample: u32, shading: Shading, width: f64, hidden: Option<DVec3>) -> MeshStyle {
+pub fn lines(supersample: u32, shading: Shading, width: f64) -> MeshStyle {
     let color = DVec3::new(0.9, 0.2, 0.1);
-    MeshStyle { supersample, shading, wireframe: Some(Wireframe { width, color, hidden }) }
+    MeshStyle { supersample, shading, wireframe: Some(Wireframe { width, color }) }
 }
 
 /// f16 samples have 11 bits, and a GPU may cut them off: 2^-11 for values near 1, and f32 arithmetic.
