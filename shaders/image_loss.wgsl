@@ -1,4 +1,4 @@
-// L1, SSIM and squared error between a rendered image and an 8-bit target: value and gradient.
+// L1 and SSIM between a rendered image and an 8-bit target: value and gradient.
 //
 // SSIM uses an 11x11 Gaussian window (sigma 1.5) as one-dimensional passes; both pictures are zero outside the image. An
 // invocation walks along a strip of a row or column and carries the ten last inputs with it, so that each is loaded once,
@@ -14,12 +14,9 @@ struct LossUniforms {
     ssim_weight: f32,
     // One over the number of values (pixels times three) in the means.
     inverse_count: f32,
-    // Weight of mean (x - y)^2.
-    squared_weight: f32,
-    // Whether each pixel is weighted by its mask (SSIM: by the mask at the centre of its window).
-    masked: u32,
     // Number of `values`.
     summands: u32,
+    padding: vec2<u32>,
 }
 
 const RADIUS: i32 = 5;
@@ -32,38 +29,20 @@ const COLUMN_STRIP: i32 = 84;
 @group(0) @binding(0) var<uniform> loss: LossUniforms;
 // Rendered colour (rgb) and coverage.
 @group(0) @binding(1) var<storage, read> image: array<vec4<f32>>;
-// Target: red in the lowest byte, then green, blue, mask.
+// Target: red in the lowest byte, then green and blue.
 @group(0) @binding(2) var<storage, read> target_image: array<u32>;
 // Pixel by pixel, for red, green and blue: x, y, x^2 + y^2 and x y, blurred along rows.
 @group(0) @binding(3) var<storage, read_write> rows: array<mat3x4<f32>>;
 // The same way: the gradients to the blurred x, x^2 + y^2 and x y, blurred along columns.
 @group(0) @binding(4) var<storage, read_write> columns: array<mat3x4<f32>>;
-// Sums of |x - y|, SSIM and (x - y)^2 over the channels of some pixels, times their masks, and 0.
-@group(0) @binding(5) var<storage, read_write> values: array<vec4<f32>>;
+// Sums of |x - y| and of SSIM over the channels of some pixels.
+@group(0) @binding(5) var<storage, read_write> values: array<vec2<f32>>;
 @group(0) @binding(6) var<storage, read_write> d_image: array<vec4<f32>>;
-@group(0) @binding(7) var<storage, read_write> strand_sums: array<vec4<f32>>;
+@group(0) @binding(7) var<storage, read_write> strand_sums: array<vec2<f32>>;
 
-// Colour and mask of a pixel of the target.
-fn target_at(pixel: u32) -> vec4<f32> {
-    return unpack4x8unorm(target_image[pixel]);
-}
-
-fn weight_of(mask: f32) -> f32 {
-    return select(1.0, mask, loss.masked != 0u);
-}
-
-// What the loss without SSIM adds to dL/d(colour) of a pixel, and 0 for its coverage: x is rendered, y the target.
-fn plain_gradient(x: vec4<f32>, y: vec4<f32>) -> vec4<f32> {
-    let d_l1 = loss.l1_weight * loss.inverse_count * weight_of(y.w);
-    let d_squared = 2.0 * loss.squared_weight * loss.inverse_count * weight_of(y.w);
-    return vec4(d_l1 * sign(x.xyz - y.xyz) + d_squared * (x.xyz - y.xyz), 0.0);
-}
-
-// The values of a pixel, but for its SSIM.
-fn values_of(x: vec4<f32>, y: vec4<f32>) -> vec4<f32> {
-    let error = abs(x.xyz - y.xyz);
-    let weight = weight_of(y.w);
-    return vec4(weight * (error.x + error.y + error.z), 0.0, weight * dot(error, error), 0.0);
+// Colour of a pixel of the target.
+fn target_at(pixel: u32) -> vec3<f32> {
+    return unpack4x8unorm(target_image[pixel]).xyz;
 }
 
 // The last ten inputs of a strip, the oldest first: for each pixel one column for each colour.
@@ -149,10 +128,9 @@ fn blur_in_column(window: ptr<function, Window>, d_window: ptr<function, Window>
     var d_next = mat3x4<f32>();
     var ssim = 0.0;
     if middle >= 0 && middle < i32(loss.size.y) {
-        let weight = weight_of(target_at(u32(middle) * loss.size.x + column.line).w);
         let colors = mat3x4(ssim_of(blurred[0]), ssim_of(blurred[1]), ssim_of(blurred[2]));
-        d_next = colors * (-loss.ssim_weight * loss.inverse_count * weight);
-        ssim = select(0.0, weight * (colors[0].w + colors[1].w + colors[2].w), is_own(middle, column));
+        d_next = colors * (-loss.ssim_weight * loss.inverse_count);
+        ssim = select(0.0, colors[0].w + colors[1].w + colors[2].w, is_own(middle, column));
     }
     let d_blurred = slide(d_window, d_next);
     let output = middle - RADIUS;
@@ -163,36 +141,25 @@ fn blur_in_column(window: ptr<function, Window>, d_window: ptr<function, Window>
 }
 
 // One input of a strip of a row of the gradients, and the gradient of the pixel that it completes. Returns the pixel's
-// values.
-fn d_blur_in_row(window: ptr<function, Window>, row: Strip, input: i32) -> vec4<f32> {
+// L1.
+fn d_blur_in_row(window: ptr<function, Window>, row: Strip, input: i32) -> f32 {
     var next = mat3x4<f32>();
     if input >= 0 && input < i32(loss.size.x) {
         next = columns[row.line * loss.size.x + u32(input)];
     }
     let d = transpose(slide(window, next));
     let output = input - RADIUS;
-    var sums = vec4(0.0);
+    var l1 = 0.0;
     if is_own(output, row) {
         let pixel = row.line * loss.size.x + u32(output);
-        let x = image[pixel];
+        let x = image[pixel].xyz;
         let y = target_at(pixel);
-        d_image[pixel] = plain_gradient(x, y) + vec4(d[0] + 2.0 * x.xyz * d[1] + y.xyz * d[2], 0.0);
-        sums = values_of(x, y);
+        let d_l1 = loss.l1_weight * loss.inverse_count * sign(x - y);
+        d_image[pixel] = vec4(d_l1 + (d[0] + 2.0 * x * d[1] + y * d[2]), 0.0);
+        let error = abs(x - y);
+        l1 = error.x + error.y + error.z;
     }
-    return sums;
-}
-
-// All of it, where SSIM has no weight.
-@compute @workgroup_size(64)
-fn loss_without_ssim(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
-                     @builtin(local_invocation_index) local: u32) {
-    let pixel = flat_index(group, groups, local, 64u);
-    if pixel < loss.size.x * loss.size.y {
-        let x = image[pixel];
-        let y = target_at(pixel);
-        values[pixel] = values_of(x, y);
-        d_image[pixel] = plain_gradient(x, y);
-    }
+    return l1;
 }
 
 @compute @workgroup_size(32)
@@ -225,7 +192,7 @@ fn blur_columns(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups
             ssim += blur_in_column(&window, &d_window, column, i + 2);
             ssim += blur_in_column(&window, &d_window, column, i + 3);
         }
-        values[index] = vec4(0.0, ssim, 0.0, 0.0);
+        values[index] = vec2(0.0, ssim);
     }
 }
 
@@ -236,16 +203,16 @@ fn d_blur_rows(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups)
     let row = strip_of(index, loss.size.y, loss.size.x, ROW_STRIP);
     var window = Window();
     if row.first < row.end {
-        var sums = vec4(0.0);
+        var l1 = 0.0;
         for (var i = row.first - RADIUS; i < row.end + RADIUS; i += 4) {
-            sums += d_blur_in_row(&window, row, i);
-            sums += d_blur_in_row(&window, row, i + 1);
-            sums += d_blur_in_row(&window, row, i + 2);
-            sums += d_blur_in_row(&window, row, i + 3);
+            l1 += d_blur_in_row(&window, row, i);
+            l1 += d_blur_in_row(&window, row, i + 1);
+            l1 += d_blur_in_row(&window, row, i + 2);
+            l1 += d_blur_in_row(&window, row, i + 3);
         }
         // Behind those of the columns.
         let strips = (i32(loss.size.y) + COLUMN_STRIP - 1) / COLUMN_STRIP;
-        values[loss.size.x * u32(strips) + index] = sums;
+        values[loss.size.x * u32(strips) + index] = vec2(l1, 0.0);
     }
 }
 
@@ -254,7 +221,7 @@ fn d_blur_rows(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups)
 fn loss_sums(@builtin(global_invocation_id) id: vec3<u32>) {
     let count = loss.summands;
     let length = (count + 255u) / 256u;
-    var sum = vec4(0.0);
+    var sum = vec2(0.0);
     for (var i = min(id.x * length, count); i < min((id.x + 1u) * length, count); i++) {
         sum += values[i];
     }

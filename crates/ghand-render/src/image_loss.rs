@@ -1,11 +1,11 @@
-//! Host part of `image_loss.wgsl`: L1, SSIM and squared error between the splatted image and an 8-bit target.
+//! Host part of `image_loss.wgsl`: L1 and SSIM between the splatted image and an 8-bit target.
 
 use bytemuck::{Pod, Zeroable};
 
 use crate::pipeline::{Bound, Module, compute_pass};
 use crate::stages::{
     BlurColumns, BlurColumnsBindings, BlurRows, BlurRowsBindings, DBlurRows, DBlurRowsBindings, LossSums,
-    LossSumsBindings, LossWithoutSsim, LossWithoutSsimBindings,
+    LossSumsBindings,
 };
 use crate::{Gpu, RenderError, buffers};
 
@@ -28,27 +28,19 @@ pub struct LossUniforms {
     pub ssim_weight: f32,
     /// One over the number of values in the means.
     pub inverse_count: f32,
-    /// Weight of mean (x - y)^2.
-    pub squared_weight: f32,
-    /// Whether pixels are weighted by their mask.
-    pub masked: u32,
     /// Number of values that are summed.
     pub summands: u32,
+    /// Unused.
+    pub padding: [u32; 2],
 }
 
-/// The weights of the loss `l1 mean |x - y| + ssim (1 - mean SSIM) + squared mean (x - y)^2`.
+/// The weights of the loss `l1 mean |x - y| + ssim (1 - mean SSIM)`.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct LossWeights {
     /// Weight of the absolute error.
     pub l1: f32,
-    /// Weight of 1 - SSIM (11x11 Gaussian window, sigma 1.5, zeros outside the image). With 0 SSIM, most of the work, is
-    /// not computed.
+    /// Weight of 1 - SSIM (11x11 Gaussian window, sigma 1.5, zeros outside the image).
     pub ssim: f32,
-    /// Weight of the squared error.
-    pub squared: f32,
-    /// Whether the terms weight a pixel by its mask / 255. SSIM is weighted by the mask in the middle of its
-    /// window.
-    pub masked: bool,
 }
 
 /// Value of the loss over the pixels of an image.
@@ -56,17 +48,8 @@ pub struct LossWeights {
 pub struct LossValue {
     /// Sum of |x - y| over pixels and channels.
     pub l1_sum: f64,
-    /// Sum of SSIM over pixels and channels; 0 if it has no weight.
+    /// Sum of SSIM over pixels and channels.
     pub ssim_sum: f64,
-    /// Sum of (x - y)^2 over pixels and channels.
-    pub squared_sum: f64,
-}
-
-impl LossValue {
-    /// Peak signal-to-noise ratio in dB for a peak of 1, if the sums are over `value_count` values.
-    pub fn psnr(&self, value_count: f64) -> f64 {
-        -10.0 * (self.squared_sum / value_count).log10()
-    }
 }
 
 /// The loss stages, bound to a splatter's image and gradient.
@@ -77,11 +60,9 @@ pub struct ImageLoss {
     blur_rows: Bound,
     blur_columns: Bound,
     d_blur_rows: Bound,
-    without_ssim: Bound,
     sums: Bound,
     max_pixels: usize,
     size: [u32; 2],
-    has_ssim: bool,
 }
 
 /// Invocations for the strips of an image's rows and of its columns.
@@ -120,8 +101,8 @@ impl ImageLoss {
         let rows = &buffers::zeroed(gpu, "loss rows", 3 * 4 * max_pixels);
         let columns = &buffers::zeroed(gpu, "loss columns", 3 * 4 * max_pixels);
         // A strip has at least one pixel, and each pixel belongs to one of a row and one of a column.
-        let values = &buffers::zeroed(gpu, "loss values", 2 * 4 * max_pixels);
-        let strand_sums = buffers::zeroed(gpu, "loss sums", 4 * STRANDS);
+        let values = &buffers::zeroed(gpu, "loss values", 2 * 2 * max_pixels);
+        let strand_sums = buffers::zeroed(gpu, "loss sums", 2 * STRANDS);
         let loss = &uniforms;
         let target_image = &target;
         ImageLoss {
@@ -130,13 +111,10 @@ impl ImageLoss {
                 .bind(gpu, &BlurRowsBindings { loss, image, target_image, rows }),
             blur_columns: module
                 .stage::<BlurColumns>(gpu, &[])
-                .bind(gpu, &BlurColumnsBindings { loss, target_image, rows, columns, values }),
+                .bind(gpu, &BlurColumnsBindings { loss, rows, columns, values }),
             d_blur_rows: module
                 .stage::<DBlurRows>(gpu, &[])
                 .bind(gpu, &DBlurRowsBindings { loss, image, target_image, columns, values, d_image }),
-            without_ssim: module
-                .stage::<LossWithoutSsim>(gpu, &[])
-                .bind(gpu, &LossWithoutSsimBindings { loss, image, target_image, values, d_image }),
             sums: module
                 .stage::<LossSums>(gpu, &[])
                 .bind(gpu, &LossSumsBindings { loss, values, strand_sums: &strand_sums }),
@@ -145,12 +123,11 @@ impl ImageLoss {
             strand_sums,
             max_pixels,
             size: [0, 0],
-            has_ssim: true,
         }
     }
 
-    /// Sets the target and the weights of later passes. `pixels` holds the target's bytes (red, green, blue, mask) row
-    /// by row; the means are over `value_count` values (with masks: three times the sum of mask / 255).
+    /// Sets the target and the weights of later passes. `pixels` holds the target's bytes (red, green, blue, and one
+    /// that does not count) row by row; the means are over `value_count` values.
     ///
     /// # Errors
     /// [`RenderError::Invalid`] if the target has the wrong length or is too large.
@@ -172,35 +149,27 @@ impl ImageLoss {
                 self.max_pixels
             )));
         }
-        let has_ssim = weights.ssim != 0.0;
-        let summands = if has_ssim { strips(size).iter().sum() } else { count as u32 };
         let uniforms = LossUniforms {
             size,
             l1_weight: weights.l1,
             ssim_weight: weights.ssim,
             inverse_count: (1.0 / value_count) as f32,
-            squared_weight: weights.squared,
-            masked: u32::from(weights.masked),
-            summands,
+            summands: strips(size).iter().sum(),
+            padding: [0; 2],
         };
         gpu.queue.write_buffer(&self.uniforms, 0, bytemuck::bytes_of(&uniforms));
         gpu.queue.write_buffer(&self.target, 0, bytemuck::cast_slice(pixels));
         self.size = size;
-        self.has_ssim = has_ssim;
         Ok(())
     }
 
     /// Encodes the loss and its gradient with respect to the image.
     pub fn encode(&self, encoder: &mut wgpu::CommandEncoder) {
         let mut pass = compute_pass(encoder, "loss");
-        if self.has_ssim {
-            let [along_rows, along_columns] = strips(self.size);
-            self.blur_rows.dispatch_invocations(&mut pass, along_rows);
-            self.blur_columns.dispatch_invocations(&mut pass, along_columns);
-            self.d_blur_rows.dispatch_invocations(&mut pass, along_rows);
-        } else {
-            self.without_ssim.dispatch_invocations(&mut pass, self.size[0] * self.size[1]);
-        }
+        let [along_rows, along_columns] = strips(self.size);
+        self.blur_rows.dispatch_invocations(&mut pass, along_rows);
+        self.blur_columns.dispatch_invocations(&mut pass, along_columns);
+        self.d_blur_rows.dispatch_invocations(&mut pass, along_rows);
         self.sums.dispatch_invocations(&mut pass, STRANDS as u32);
     }
 
@@ -209,8 +178,8 @@ impl ImageLoss {
     /// # Errors
     /// [`RenderError`] if the device failed or was lost.
     pub fn value(&self, gpu: &Gpu) -> Result<LossValue, RenderError> {
-        let sums: Vec<[f32; 4]> = buffers::read(gpu, &self.strand_sums, STRANDS)?;
+        let sums: Vec<[f32; 2]> = buffers::read(gpu, &self.strand_sums, STRANDS)?;
         let total = |i: usize| sums.iter().map(|s| f64::from(s[i])).sum();
-        Ok(LossValue { l1_sum: total(0), ssim_sum: total(1), squared_sum: total(2) })
+        Ok(LossValue { l1_sum: total(0), ssim_sum: total(1) })
     }
 }

@@ -419,7 +419,7 @@ impl Step {
         settings: &TrainSettings,
         refine_poses: bool,
     ) -> Result<(), RenderError> {
-        let weights = LossWeights { l1: L1_WEIGHT as f32, ssim: SSIM_WEIGHT as f32, ..Default::default() };
+        let weights = LossWeights { l1: L1_WEIGHT as f32, ssim: SSIM_WEIGHT as f32 };
         self.loss.set_target(gpu, view.size, &view.pixels, weights, value_count)?;
         // Gradient of weight * mean |Delta|^2 and weight * mean sigma^2.
         let per_gaussian = |weight: f64| (2.0 * weight / self.count as f64) as f32;

@@ -81,7 +81,7 @@ fn host_layouts() -> Vec<Layout> {
         host_layout!(SortUniforms { shift, mask, strands, counter, numbered, padding_1, padding_2, padding_3 }),
         host_layout!(StrandUniforms { strands, padding_1, padding_2, padding_3 }),
         host_layout!(Place { origin, size, background, depth_from_z, padding }),
-        host_layout!(LossUniforms { size, l1_weight, ssim_weight, inverse_count, squared_weight, masked, summands }),
+        host_layout!(LossUniforms { size, l1_weight, ssim_weight, inverse_count, summands, padding }),
         host_layout!(PoseUniforms {
             gaussian_count,
             joint_count,

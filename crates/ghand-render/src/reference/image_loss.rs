@@ -1,4 +1,4 @@
-//! Twin of `image_loss.wgsl`, and the image metrics of the evaluation.
+//! Twin of `image_loss.wgsl`.
 
 /// Half width of the SSIM window.
 pub(super) const RADIUS: usize = 5;
@@ -79,52 +79,25 @@ fn ssim_map(x: &Picture, y: &Picture) -> Ssim {
     out
 }
 
-/// Mean SSIM of two pictures of the same size (11x11 Gaussian window, sigma 1.5, zeros outside), over pixels and
-/// channels.
-pub fn ssim(x: &Picture, y: &Picture) -> f64 {
-    let map = ssim_map(x, y).value;
-    map.iter().flatten().sum::<f64>() / (3 * map.len()) as f64
-}
-
-/// Peak signal-to-noise ratio in dB (peak 1) over the pixels for which `counts` is true; infinite for equal pictures.
-pub fn psnr(x: &Picture, y: &Picture, counts: impl Fn(usize) -> bool) -> f64 {
-    let mut sum = 0.0;
-    let mut n = 0usize;
-    for (i, (a, b)) in x.rgb.iter().zip(&y.rgb).enumerate() {
-        if counts(i) {
-            sum += (0..3).map(|c| (a[c] - b[c]).powi(2)).sum::<f64>();
-            n += 3;
-        }
-    }
-    -10.0 * (sum / n.max(1) as f64).log10()
-}
-
-/// `sum_p mask_p (l1 |x - y| + ssim (1 - SSIM) + squared (x - y)^2)`, over pixels and channels, times `inverse_count`,
-/// and its gradient with respect to x. `mask` has one number per pixel in 0..1.
-pub fn image_loss(
-    x: &Picture,
-    y: &Picture,
-    mask: &[f64],
-    [l1, ssim, squared]: [f64; 3],
-    inverse_count: f64,
-) -> (f64, Vec<[f64; 3]>) {
+/// The sum of `l1 |x - y| + ssim (1 - SSIM)` over pixels and channels, times `inverse_count`, and its gradient with
+/// respect to x.
+pub fn image_loss(x: &Picture, y: &Picture, [l1, ssim]: [f64; 2], inverse_count: f64) -> (f64, Vec<[f64; 3]>) {
     let map = ssim_map(x, y);
     let mut value = 0.0;
     for (i, s) in map.value.iter().enumerate() {
         for (c, s) in s.iter().enumerate() {
             let error = x.rgb[i][c] - y.rgb[i][c];
-            value += mask[i] * (l1 * error.abs() + ssim * (1.0 - s) + squared * error * error);
+            value += l1 * error.abs() + ssim * (1.0 - s);
         }
     }
-    let masked = |d: Vec<[f64; 3]>| d.iter().zip(mask).map(|(d, m)| d.map(|d| d * m)).collect::<Vec<_>>();
-    let d = map.d.map(|d| blur(&masked(d), x.width, x.height));
+    let d = map.d.map(|d| blur(&d, x.width, x.height));
     let gradient = (0..x.rgb.len())
         .map(|i| {
             std::array::from_fn(|c| {
                 let (a, b) = (x.rgb[i][c], y.rgb[i][c]);
                 let sign = if a == b { 0.0 } else { (a - b).signum() };
                 let d_ssim = d[0][i][c] + 2.0 * a * d[1][i][c] + b * d[2][i][c];
-                inverse_count * (mask[i] * (l1 * sign + 2.0 * squared * (a - b)) - ssim * d_ssim)
+                inverse_count * (l1 * sign - ssim * d_ssim)
             })
         })
         .collect();
@@ -145,16 +118,15 @@ mod tests {
     #[test]
     fn equal_pictures_have_ssim_one_and_different_ones_less() {
         let x = random(1, 19, 13);
-        assert!((ssim(&x, &x) - 1.0).abs() < 1e-12);
-        assert!(ssim(&x, &random(2, 19, 13)) < 0.5);
-        assert!(psnr(&x, &x, |_| true).is_infinite());
+        let ssim = |y: &Picture| 1.0 - image_loss(&x, y, [0.0, 1.0], 1.0 / 741.0).0;
+        assert!((ssim(&x) - 1.0).abs() < 1e-12);
+        assert!(ssim(&random(2, 19, 13)) < 0.5);
     }
 
     #[test]
     fn the_gradient_agrees_with_central_differences() {
         let (x, y) = (random(3, 9, 14), random(4, 9, 14));
-        let mask: Vec<f64> = (0..126).map(|i| f64::from(i % 7) / 6.0).collect();
-        let loss = |x: &Picture| image_loss(x, &y, &mask, [0.8, 0.2, 0.3], 1.0 / 378.0);
+        let loss = |x: &Picture| image_loss(x, &y, [0.8, 0.2], 1.0 / 378.0);
         let (_, gradient) = loss(&x);
         for (i, d) in gradient.iter().enumerate() {
             for (c, d) in d.iter().enumerate() {
