@@ -79,9 +79,13 @@ impl FrameClock {
         self.stages + 1 + stage
     }
 
+    fn resolve(&self, encoder: &mut wgpu::CommandEncoder) {
+        encoder.resolve_query_set(&self.queries, 0..self.stages + 1, &self.resolved, 0);
+    }
+
     /// Encodes the copy of the timestamps to `offset` in a buffer.
     pub fn finish(&self, encoder: &mut wgpu::CommandEncoder, to: &wgpu::Buffer, offset: u64) {
-        encoder.resolve_query_set(&self.queries, 0..self.stages + 1, &self.resolved, 0);
+        self.resolve(encoder);
         encoder.copy_buffer_to_buffer(&self.resolved, 0, to, offset, FrameClock::bytes(self.stages));
     }
 
@@ -103,7 +107,7 @@ pub fn time_passes(
     count: usize,
     encode: impl Fn(usize, &mut wgpu::ComputePass<'_>),
 ) -> Result<Vec<f64>, RenderError> {
-    if !gpu.device.features().contains(wgpu::Features::TIMESTAMP_QUERY) {
+    let Some(clock) = FrameClock::new(gpu, count as u32) else {
         gpu.queue.submit([encoder.finish()]);
         gpu.wait()?;
         return (0..count)
@@ -116,38 +120,15 @@ pub fn time_passes(
                 Ok(start.elapsed().as_secs_f64() * 1e3)
             })
             .collect();
-    }
-    let stamps = 2 * count as u32;
-    let queries = gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
-        label: Some("stage times"),
-        ty: wgpu::QueryType::Timestamp,
-        count: stamps,
-    });
+    };
+    clock.start(&mut encoder);
     for k in 0..count {
-        let descriptor = wgpu::ComputePassDescriptor {
-            label: Some("timed"),
-            timestamp_writes: Some(wgpu::ComputePassTimestampWrites {
-                query_set: &queries,
-                beginning_of_pass_write_index: Some(2 * k as u32),
-                end_of_pass_write_index: Some(2 * k as u32 + 1),
-            }),
-        };
+        let descriptor =
+            wgpu::ComputePassDescriptor { label: Some("timed"), timestamp_writes: Some(clock.pass(k as u32 + 1)) };
         encode(k, &mut encoder.begin_compute_pass(&descriptor));
     }
-    let resolved = gpu.device.create_buffer(&wgpu::BufferDescriptor {
-        label: Some("stage times"),
-        size: u64::from(stamps) * 8,
-        usage: wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC,
-        mapped_at_creation: false,
-    });
-    encoder.resolve_query_set(&queries, 0..stamps, &resolved, 0);
+    clock.resolve(&mut encoder);
     gpu.queue.submit([encoder.finish()]);
-    let ticks: Vec<u64> = buffers::read(gpu, &resolved, stamps as usize)?;
-    let milliseconds_per_tick = f64::from(gpu.queue.get_timestamp_period()) * 1e-6;
-    Ok(ticks
-        .as_chunks::<2>()
-        .0
-        .iter()
-        .map(|[from, to]| to.saturating_sub(*from) as f64 * milliseconds_per_tick)
-        .collect())
+    let stamps: Vec<u8> = buffers::read(gpu, &clock.resolved, FrameClock::bytes(clock.stages) as usize)?;
+    Ok(clock.milliseconds(&stamps))
 }
