@@ -170,9 +170,9 @@ impl SkippedSteps {
 pub struct SavedNumbers {
     /// Their name.
     pub name: String,
-    /// The numbers.
-    #[serde(with = "bytes")]
-    pub values: Vec<f32>,
+    /// The numbers, `f32`, little-endian.
+    #[serde(with = "serde_bytes")]
+    pub values: Vec<u8>,
 }
 
 /// Why a checkpoint could not be read or written.
@@ -252,41 +252,6 @@ impl Checkpoint {
     }
 }
 
-/// Numbers as one string of bytes, little-endian.
-mod bytes {
-    use serde::de::{Error, Visitor};
-    use serde::{Deserializer, Serializer};
-
-    pub fn serialize<S: Serializer>(values: &[f32], serializer: S) -> Result<S::Ok, S::Error> {
-        let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
-        serializer.serialize_bytes(&bytes)
-    }
-
-    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<f32>, D::Error> {
-        struct Numbers;
-        impl Visitor<'_> for Numbers {
-            type Value = Vec<f32>;
-
-            fn expecting(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-                formatter.write_str("a whole number of 32-bit floats")
-            }
-
-            fn visit_bytes<E: Error>(self, bytes: &[u8]) -> Result<Vec<f32>, E> {
-                let (words, rest) = bytes.as_chunks::<4>();
-                match rest {
-                    [] => Ok(words.iter().map(|word| f32::from_le_bytes(*word)).collect()),
-                    _ => Err(E::invalid_length(bytes.len(), &self)),
-                }
-            }
-
-            fn visit_byte_buf<E: Error>(self, bytes: Vec<u8>) -> Result<Vec<f32>, E> {
-                self.visit_bytes(&bytes)
-            }
-        }
-        deserializer.deserialize_byte_buf(Numbers)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -316,6 +281,7 @@ mod tests {
     }
 
     fn checkpoint() -> Checkpoint {
+        let values = [1.5f32, f32::MIN_POSITIVE, -0.0].map(f32::to_le_bytes).concat();
         Checkpoint {
             program: env!("CARGO_PKG_VERSION").into(),
             settings: TrainSettings::default(),
@@ -330,7 +296,7 @@ mod tests {
                 losses: Losses::default(),
                 skipped: SkippedSteps::default(),
                 refinements: vec![],
-                numbers: vec![SavedNumbers { name: "a".into(), values: vec![1.5, f32::MIN_POSITIVE, -0.0] }],
+                numbers: vec![SavedNumbers { name: "a".into(), values }],
             },
             seconds: 0.7,
             curve: vec![],

@@ -226,7 +226,8 @@ impl Step {
         for (name, buffer, length) in self.hand_tables(avatar, frames) {
             numbers.push((name.into(), buffers::read(gpu, buffer, length)?));
         }
-        let named = |(name, values)| SavedNumbers { name, values };
+        let named =
+            |(name, values): (String, Vec<f32>)| SavedNumbers { name, values: bytemuck::cast_slice(&values).to_vec() };
         Ok(numbers.into_iter().map(named).collect())
     }
 
@@ -235,7 +236,8 @@ impl Step {
     /// # Errors
     /// [`RenderError::Invalid`] if they are those of another avatar.
     pub fn set_numbers(&mut self, gpu: &Gpu, frames: usize, numbers: &[SavedNumbers]) -> Result<(), RenderError> {
-        let state = numbers.iter().map(|part| (part.name.clone(), part.values.clone())).collect();
+        let values = |part: &SavedNumbers| bytemuck::pod_collect_to_vec(&part.values);
+        let state = numbers.iter().map(|part| (part.name.clone(), values(part))).collect();
         self.avatar_mut().model.trainable_mut()?.set_training_state(gpu, &state)?;
         for (name, buffer, length) in self.hand_tables(self.avatar(), frames) {
             let values = state_part(&state, name, length)?;
