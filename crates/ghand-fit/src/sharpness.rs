@@ -3,6 +3,7 @@
 
 use ghand_capture::images::blur::blurred;
 use ghand_capture::mask::depths;
+use ghand_core::statistics::{median, quantile};
 use rayon::prelude::*;
 
 use crate::views::reduced;
@@ -101,12 +102,8 @@ fn noise_variance(values: &[f32], inside: &[bool], width: usize) -> f64 {
 pub fn weights(views: &[(usize, Option<Sharpness>)]) -> Vec<f64> {
     let usual = |camera: usize| -> Option<f64> {
         let known = || views.iter().filter(|(other, _)| *other == camera).filter_map(|(_, sharpness)| *sharpness);
-        let at = |part: f64, mut values: Vec<f64>| {
-            values.sort_by(f64::total_cmp);
-            values[(part * (values.len() - 1) as f64).round() as usize]
-        };
-        let tells = known().count() >= LEAST_VIEWS && at(0.5, known().map(|known| known.noise).collect()) < MOST_NOISE;
-        tells.then(|| at(SHARP, known().map(|known| known.detail).collect()))
+        let tells = known().count() >= LEAST_VIEWS && median(known().map(|known| known.noise)) < MOST_NOISE;
+        tells.then(|| quantile(known().map(|known| known.detail), SHARP))
     };
     let cameras = views.iter().map(|(camera, _)| camera + 1).max().unwrap_or(0);
     let usual: Vec<Option<f64>> = (0..cameras).into_par_iter().map(usual).collect();

@@ -2,6 +2,7 @@
 
 use glam::DVec2;
 
+use super::sigmoid;
 use crate::properties::network::{Activation, NORM_EPSILON, NetworkSizes, OFFSET_GAIN};
 
 /// Properties, `[rows][N]` each: S, W^, C, R, scale, colour.
@@ -122,10 +123,6 @@ fn normalized(mut x: Map, fixed: Option<&[Vec<f64>; 2]>) -> Map {
         channel.iter_mut().for_each(|v| *v = (*v - mean) / (variance + NORM_EPSILON).sqrt());
     }
     x
-}
-
-fn sigmoid(x: f64) -> f64 {
-    1.0 / (1.0 + (-x).exp())
 }
 
 impl Twin {

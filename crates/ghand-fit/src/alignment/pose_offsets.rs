@@ -5,6 +5,7 @@
 use ghand_core::Pose;
 use ghand_core::pose_offsets::{PoseOffsets, TrackerOffsets};
 use ghand_core::rotation::{axis_angle_from_rotation, rotation_from_axis_angle};
+use ghand_core::statistics::median;
 use glam::{DMat3, DVec3};
 use nalgebra::{DMatrix, DVector, Matrix3};
 
@@ -74,17 +75,13 @@ fn fit(from: &[Pose], to: &[Pose], parents: &[Option<usize>], reweightings: usiz
 
 /// Cauchy's weights of frames that are this far off, from 0 to 1.
 fn weights_of(lengths: &[f64]) -> Vec<f64> {
-    let mut sorted = lengths.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let typical = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0) + ROUNDING;
+    let typical = median(lengths.iter().copied()) + ROUNDING;
     lengths.iter().map(|length| 1.0 / (1.0 + (length / (HALF_WEIGHT * typical)).powi(2))).collect()
 }
 
 /// Standard error about one axis of a mean of frames that are this far off.
 fn standard_error(lengths: &[f64], weights: &[f64]) -> f64 {
-    let mut sorted = lengths.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let deviation = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0) / MEDIAN_LENGTH;
+    let deviation = median(lengths.iter().copied()) / MEDIAN_LENGTH;
     let squares: f64 = weights.iter().map(|weight| weight * weight).sum();
     deviation * squares.sqrt() / weights.iter().sum::<f64>().max(f64::MIN_POSITIVE)
 }

@@ -4,6 +4,7 @@
 //! Large ones count less: the edge of a shadow is where template and hand differ.
 
 use ghand_core::light::{DIRECTION_COUNT, DISPLAY_EXPONENT, linear, shade};
+use ghand_core::statistics::median;
 use nalgebra::{DMatrix, DVector, RowDVector};
 use rayon::prelude::*;
 
@@ -312,10 +313,8 @@ fn robust_weights(frames: &[&FrameColors], values: &[Vec<f64>], fit: &ChannelFit
             values.iter().enumerate().map(error).collect()
         })
         .collect();
-    let mut sizes: Vec<f64> = errors.iter().flatten().map(|error| error.abs()).collect();
-    let middle = sizes.len() / 2;
-    let median = if sizes.is_empty() { 0.0 } else { *sizes.select_nth_unstable_by(middle, f64::total_cmp).1 };
-    let large = (3.0 * median).max(LEAST_LARGE_ERROR);
+    let typical = median(errors.iter().flatten().map(|error| error.abs()));
+    let large = (3.0 * typical).max(LEAST_LARGE_ERROR);
     let weight = |(value, error): (&f64, &f64)| steepness(*value).powi(2) / (1.0 + (error / large) * (error / large));
     values.iter().zip(&errors).map(|(values, errors)| values.iter().zip(errors).map(weight).collect()).collect()
 }
@@ -363,8 +362,7 @@ pub(super) fn frame_factors(frames: &[FrameColors], fits: &[ChannelFit]) -> Vec<
                 }
             }
         }
-        let middle = ratios.len() / 2;
-        if ratios.is_empty() { 0.0 } else { *ratios.select_nth_unstable_by(middle, f64::total_cmp).1 }
+        median(ratios)
     };
     let logarithms: Vec<f64> = frames.iter().map(logarithm).collect();
     let mean = logarithms.iter().sum::<f64>() / logarithms.len().max(1) as f64;

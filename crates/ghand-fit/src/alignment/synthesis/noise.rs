@@ -1,6 +1,8 @@
 //! How far drawn pixels are off where the pose is right, from how far they are off: by some value everywhere, and where the
 //! image is steep by a fraction of a pixel, as the avatar's surface is not quite the hand's.
 
+use ghand_core::statistics::median;
+
 use super::samples::Sample;
 
 /// Degrees of freedom of Student's distribution, which bounds the influence of outliers.
@@ -24,9 +26,7 @@ pub struct Noise {
 impl Noise {
     /// The noise of some samples.
     pub fn of(samples: &[Sample]) -> Noise {
-        let mut slopes: Vec<f64> = samples.iter().map(|sample| sample.squared_slope).collect();
-        slopes.sort_by(f64::total_cmp);
-        let median = slopes.get(slopes.len() / 2).copied().unwrap_or(0.0);
+        let median = median(samples.iter().map(|sample| sample.squared_slope));
         let mut noise = Noise { value: FIRST[0].powi(2), place: FIRST[1].powi(2) };
         for _ in 0..ROUNDS {
             let [mut value, mut value_weights, mut place, mut place_weights] = [0.0; 4];
