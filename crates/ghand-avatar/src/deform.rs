@@ -121,11 +121,6 @@ pub struct TablePlace {
 }
 
 impl TablePlace {
-    /// The place of the only hand in a scene.
-    pub fn alone(gaussians: usize) -> TablePlace {
-        TablePlace { columns: gaussians, first: 0, shape: Shape::Isotropic }
-    }
-
     /// First row of the colours.
     fn color_row(self) -> u64 {
         SplatModel { shape: self.shape, ..SplatModel::HAND }.color_row() as u64
