@@ -59,7 +59,7 @@ fn tensors(root: &Table, graph: &Table) -> Vec<Tensor> {
     let tensor = |table: &Table| {
         // Integers are sizes, which follow from the shapes, too.
         let is_half_float = table.byte(1) == 1;
-        let data = if is_half_float { buffers[table.number(2)].vector(0, 2) } else { &[] };
+        let data = if is_half_float { buffers[table.number(2)].vector(0, 1) } else { &[] };
         let weights = data.as_chunks().0.iter().map(|bytes| f16::from_le_bytes(*bytes).to_f32()).collect();
         Tensor { shape: table.numbers(0), weights }
     };
