@@ -82,7 +82,8 @@ impl Part {
             Stage::Skeleton => {
                 let at = case.points(rng, joints);
                 let extent = largest(&at) * 2.0 * depth(&parents);
-                let all = SLOPE * 12.0 * joints as f64;
+                // Nine numbers of a rotation; the three of a translation are each the difference of two places.
+                let all = SLOPE * 15.0 * joints as f64;
                 let rotations = case.rotations(rng, joints);
                 let inputs = vec![
                     Input::new("joints", at, extent, all),
