@@ -31,10 +31,12 @@ phone-demo: setup ## Film a synthetic hand with one phone that turns around it, 
 	"$$bin/ghand" import out/phone-demo/footage --out out/phone-demo/capture; \
 	"$$bin/train" --capture out/phone-demo/capture --out out/phone-demo/train
 
+# Tests wait for programs and for the graphics device, so twice as many run at once as there are processors.
 test: setup ## Run all tests
 	@$(with_runtime_dir) \
 	export GHAND_SKIPPED_TESTS="$$(realpath -m "$${CARGO_TARGET_DIR:-target}")/skipped-tests.txt"; \
 	mkdir -p "$$(dirname "$$GHAND_SKIPPED_TESTS")"; \
+	export RUST_TEST_THREADS="$${RUST_TEST_THREADS:-$$((2 * $$(getconf _NPROCESSORS_ONLN)))}"; \
 	: >"$$GHAND_SKIPPED_TESTS"; \
 	status=0; \
 	cargo test --workspace --features networks || status=$$?; \

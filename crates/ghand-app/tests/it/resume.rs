@@ -6,7 +6,7 @@ use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 use crate::common::{assert_one_sentence, assert_trained, listing, run, run_in, small_capture};
-use ghand_test_support::cases;
+use ghand_test_support::{cases, long};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -79,8 +79,12 @@ fn a_run_killed_at_any_moment_ends_with_the_same_bytes() {
     let both = [&paper[..], &["--set", "iterations=120"]].concat();
     let mut rng = ChaCha8Rng::seed_from_u64(16);
     let runs = [("direct", &direct[..]), ("both", &both), ("network", &network)];
-    let is_built = |name: &str| cfg!(feature = "networks") || name != "network";
-    for (name, more) in runs.into_iter().filter(|(name, _)| is_built(name)) {
+    let is_tried = |name: &str| match name {
+        "both" => long(),
+        "network" => cfg!(feature = "networks"),
+        _ => true,
+    };
+    for (name, more) in runs.into_iter().filter(|(name, _)| is_tried(name)) {
         let whole = format!("{name}-whole");
         let start = Instant::now();
         assert_trained(&run(TRAIN, folder.path(), &options(&[more, &["--out", &whole]].concat())));

@@ -67,7 +67,7 @@ fn repeated_gestures_tell_the_clock_by_where_the_hand_is() {
             (0..2).map(|k| track(&motion, &truth[k], 30.0, 14.0, OFFSETS[k], 0.003, noise(k))).collect();
         let may_be = clocks::offsets(&both[0], &both[1]);
         assert!(may_be.len() > 1, "{may_be:?}");
-        for (known, start) in [(Known::All, &truth), (Known::Nothing, &unknown)] {
+        for (known, start) in [(Known::Nothing, &unknown), (Known::All, &truth)].into_iter().take(cases(1, 2)) {
             let found = solve(&both, &lenses(start), known, &usual(start), &lengths, None).unwrap();
             println!("{known:?}: {:.1} ms off", 1e3 * (found.rig.offsets[1] - OFFSETS[1]));
             assert!((found.rig.offsets[1] - OFFSETS[1]).abs() < 0.02, "{may_be:?} {:?}", found.rig.offsets);

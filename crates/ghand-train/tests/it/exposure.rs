@@ -4,6 +4,7 @@ use crate::common::{make, small_options};
 use ghand_fit::exposure::ExposureFit;
 use ghand_render::{AdapterChoice, Gpu};
 use ghand_synthetic::SyntheticOptions;
+use ghand_test_support::long;
 use ghand_train::{Align, ExposureChoice, LightChoice, TrainSettings, Trainer};
 
 /// What a short run finds of the exposures of a capture with true poses.
@@ -35,6 +36,9 @@ fn cameras_are_corrected_where_they_differ() {
 
 #[test]
 fn cameras_that_are_alike_are_left_alone() {
+    if !long() {
+        return;
+    }
     let fit = found(0.0, ExposureChoice::Auto).unwrap();
     assert!(!fit.corrected && fit.spread < 0.03, "{fit:?}");
     assert_eq!(found(0.0, ExposureChoice::Off), None);
