@@ -86,7 +86,8 @@ impl Part {
                 let all = SLOPE * 15.0 * joints as f64;
                 let rotations = case.rotations(rng, joints);
                 let inputs = vec![
-                    Input::new("joints", at, extent, all),
+                    // Beside rotations of a small angle, a small step of joints changes less than rounding does.
+                    Input::new("joints", at, 1.0 + extent, all),
                     Input::new("rotations", rotations, ROTATION_STEP, all * (1.0 + extent)),
                 ];
                 (inputs, 1.0 + 2.0 * extent)
