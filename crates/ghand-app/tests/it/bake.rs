@@ -4,6 +4,7 @@ use std::path::Path;
 
 use crate::common::{assert_one_sentence, listing, run, save_avatar};
 use ghand_avatar::{Avatar, PropertyTables};
+use ghand_test_support::long;
 
 const GHAND: &str = env!("CARGO_BIN_EXE_ghand");
 
@@ -79,6 +80,9 @@ fn an_avatar_is_drawn_baked_and_baked_again_when_it_has_changed() {
 
 #[test]
 fn a_size_is_kept_and_the_same_seed_gives_the_same_file() {
+    if !long() {
+        return;
+    }
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     save_moving_avatar(folder);

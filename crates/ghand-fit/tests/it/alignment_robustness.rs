@@ -198,7 +198,10 @@ fn one_camera_is_enough_to_make_poses_better() {
 
 #[test]
 fn a_template_of_another_size_takes_the_size_of_the_hand() {
-    for factor in [0.8, 1.3].into_iter().take(cases(1, 2)) {
+    if !long() {
+        return;
+    }
+    for factor in [0.8, 1.3] {
         let found = of_template(&format!("template x {factor}"), scaled(&exact().template, factor));
         // Another size moves the template's wrist, so that translations cannot be compared. 3.27 and 3.51
         // degrees as measured, where the template's own size has 3.21; and 0.4 pixels. At 1.3 images held out are not

@@ -9,6 +9,7 @@ use ghand_measure::evaluation::evaluate;
 use ghand_render::{AdapterChoice, Gpu};
 use ghand_synthetic::SyntheticOptions;
 use ghand_synthetic::make_capture::make_capture;
+use ghand_test_support::long;
 use ghand_train::{Align, ExposureChoice, LightChoice, TrainSettings, Trained, Trainer};
 
 fn gpu() -> Gpu {
@@ -48,9 +49,13 @@ fn the_same_seed_gives_the_same_file_and_a_different_seed_a_different_one() {
         train(&gpu, &capture, settings).avatar.save(&path).unwrap();
         std::fs::read(path).unwrap()
     };
-    assert!(bytes(&settings) == bytes(&settings), "two runs with one seed differ");
+    if long() {
+        assert!(bytes(&settings) == bytes(&settings), "two runs with one seed differ");
+    }
     let quick = TrainSettings { align: Align::Off, light: LightChoice::Off, exposure: ExposureChoice::Off, ..settings };
-    assert!(bytes(&quick) != bytes(&TrainSettings { seed: 2, ..quick.clone() }), "the seed has no effect");
+    let first = bytes(&quick);
+    assert!(first == bytes(&quick), "two runs with one seed differ");
+    assert!(first != bytes(&TrainSettings { seed: 2, ..quick.clone() }), "the seed has no effect");
 }
 
 #[test]
