@@ -118,6 +118,22 @@ pub fn read_mano_bytes(
     right: Option<&[u8]>,
     options: &ManoOptions,
 ) -> Result<ManoFile, HandModelError> {
+    let mut file = read_without_atlas(name, bytes, right, options)?;
+    let model = &mut file.model;
+    let atlas = build_atlas(&model.vertices, &model.faces)
+        .map_err(|problem| HandModelError::invalid(model.name.clone(), "f", problem))?;
+    (model.uvs, model.face_uvs) = (atlas.uvs, atlas.face_uvs);
+    model.validate()?;
+    Ok(file)
+}
+
+/// The model without texture coordinates, which files do not have; not validated.
+fn read_without_atlas(
+    name: &str,
+    bytes: &[u8],
+    right: Option<&[u8]>,
+    options: &ManoOptions,
+) -> Result<ManoFile, HandModelError> {
     let mut fields = NamedArrays::open(name, bytes, REMEDY)?;
     body::reject_body(&mut fields)?;
     let mut warnings = Vec::new();
@@ -127,10 +143,6 @@ pub fn read_mano_bytes(
     if has_left_shape_bug && options.left_shapes == LeftShapes::Fixed {
         model.shape_directions.iter_mut().for_each(|direction| direction.x = -direction.x);
     }
-    let atlas = build_atlas(&model.vertices, &model.faces)
-        .map_err(|problem| HandModelError::invalid(model.name.clone(), "f", problem))?;
-    (model.uvs, model.face_uvs) = (atlas.uvs, atlas.face_uvs);
-    model.validate()?;
     Ok(ManoFile { model, has_left_shape_bug, warnings })
 }
 
@@ -144,4 +156,31 @@ fn read_file(path: &Path) -> Result<Vec<u8>, HandModelError> {
 
 fn dvec3(v: &[f64; 3]) -> DVec3 {
     DVec3::from_array(*v)
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+    use ghand_test_support::mano_files::hands::{Hand, as_npz, as_pickle};
+
+    use super::*;
+
+    #[test]
+    fn a_file_with_any_byte_changed_is_read_or_an_error() {
+        let entries = Hand::small().published();
+        let options = ManoOptions { side: Some(Side::Right), ..Default::default() };
+        for mut bytes in [as_pickle(&entries), as_npz(&entries, false), as_npz(&entries, true)] {
+            assert!(read_without_atlas("some/file", &bytes, None, &options).is_ok());
+            for at in 0..bytes.len() {
+                for flip in [0xff, 0x01] {
+                    bytes[at] ^= flip;
+                    // Neither panics.
+                    let read = read_without_atlas("some/file", &bytes, None, &options);
+                    let _ = read.map(|file| file.model.validate());
+                    bytes[at] ^= flip;
+                }
+            }
+        }
+    }
 }
