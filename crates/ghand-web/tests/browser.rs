@@ -79,14 +79,17 @@ fn counts() -> [usize; 2] {
     [cases(5, POSE_NAMES.len()), cases(3, MOMENTS.len())]
 }
 
-/// What the page draws: the poses by name, then moments of motions.
+/// What the page draws: of each avatar the poses by name, then moments of motions; and a number of other poses, one after the
+/// other.
 fn plan(avatars: &[(&str, Vec<u8>)]) -> Value {
     let [names, moments] = counts();
     let named = POSE_NAMES.iter().take(names).map(|name| json!({"name": name}));
     let moments = MOMENTS.iter().take(moments).map(|(motion, seconds)| json!({"motion": motion, "seconds": seconds}));
     let poses: Vec<Value> = named.chain(moments).collect();
     let lights: Vec<&str> = LIGHTS.iter().map(|(name, _)| *name).collect();
-    avatars.iter().map(|(name, _)| json!({"avatar": name, "lights": lights, "poses": poses})).collect()
+    let pictures: Value =
+        avatars.iter().map(|(name, _)| json!({"avatar": name, "lights": lights, "poses": poses})).collect();
+    json!({"pictures": pictures, "poses": cases(100, 500)})
 }
 
 fn files(avatars: &[(&'static str, Vec<u8>)]) -> BTreeMap<String, (&'static str, Vec<u8>)> {
@@ -232,7 +235,7 @@ fn layers_are_shown_by_name_on_a_new_device_too() {
 }
 
 #[test]
-fn five_hundred_poses_are_drawn() {
+fn many_poses_are_drawn_one_after_the_other() {
     value("poses");
 }
 

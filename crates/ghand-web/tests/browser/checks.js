@@ -64,10 +64,11 @@ function difference(a, b) {
   return most;
 }
 
+const plan = await (await fetch("plan.json")).json();
+
 const checks = {
   async pictures() {
-    const plan = await (await fetch("plan.json")).json();
-    for (const [k, { avatar, lights, poses }] of plan.entries()) {
+    for (const [k, { avatar, lights, poses }] of plan.pictures.entries()) {
       const element = await shown({ src: avatar });
       for (const light of lights) {
         element.light(light, 30);
@@ -172,7 +173,7 @@ const checks = {
     let errors = 0;
     element.addEventListener("error", () => { errors += 1; });
     const joints = element.hands[0].joints.filter((joint) => joint.limits);
-    const count = 500;
+    const count = plan.poses;
     for (let k = 0; k < count; k += 1) {
       const joint = joints[k % joints.length];
       const [low, high] = joint.limits.flexion;
