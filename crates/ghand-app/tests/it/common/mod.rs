@@ -4,8 +4,10 @@
 
 pub mod failing_driver;
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
+use std::sync::Mutex;
 
 use ghand_avatar::{Avatar, AvatarConfig};
 use ghand_render::{AdapterChoice, Gpu};
@@ -86,17 +88,45 @@ pub fn small_capture(folder: &Path) {
 
 /// Like [`small_capture`], with this many test frames of one image each.
 pub fn small_capture_with(test_frames: usize, folder: &Path) {
-    let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap();
-    let options = SyntheticOptions {
-        views: 5,
-        train_frames: 2,
-        test_frames,
-        test_views: 1,
-        width: 64,
-        height: 96,
-        ..SyntheticOptions::default()
-    };
-    make_capture(&gpu, &options, folder).unwrap();
+    static MADE: Mutex<BTreeMap<usize, Files>> = Mutex::new(BTreeMap::new());
+    let mut made = MADE.lock().unwrap();
+    let files = made.entry(test_frames).or_insert_with(|| {
+        let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap();
+        let options = SyntheticOptions {
+            views: 5,
+            train_frames: 2,
+            test_frames,
+            test_views: 1,
+            width: 64,
+            height: 96,
+            ..SyntheticOptions::default()
+        };
+        let folder = tempfile::tempdir().unwrap();
+        make_capture(&gpu, &options, folder.path()).unwrap();
+        let mut files = Files::new();
+        read_below(folder.path(), Path::new(""), &mut files);
+        files
+    });
+    for (path, bytes) in files {
+        let path = folder.join(path);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(path, bytes).unwrap();
+    }
+}
+
+/// Files by their paths in a folder.
+type Files = BTreeMap<PathBuf, Vec<u8>>;
+
+fn read_below(root: &Path, folder: &Path, files: &mut Files) {
+    for entry in std::fs::read_dir(root.join(folder)).unwrap() {
+        let entry = entry.unwrap();
+        let path = folder.join(entry.file_name());
+        if entry.file_type().unwrap().is_dir() {
+            read_below(root, &path, files);
+        } else {
+            files.insert(path, std::fs::read(entry.path()).unwrap());
+        }
+    }
 }
 
 /// Names of the files in a folder, including hidden ones, sorted.
