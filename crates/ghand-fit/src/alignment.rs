@@ -20,7 +20,6 @@ mod side;
 pub mod single_frames;
 mod spread;
 mod stragglers;
-pub mod synthesis;
 mod texture;
 mod triangles;
 

@@ -13,7 +13,6 @@ use serde::{Deserialize, Serialize};
 use crate::settings::TrainSettings;
 use crate::trainer::simplification::Simplification;
 use ghand_fit::alignment::Alignment;
-use ghand_fit::alignment::synthesis::SynthesisRefinement;
 use ghand_fit::exposure::ExposureFit;
 use ghand_fit::light_fit::LightFit;
 use ghand_measure::protocol::PosedView;
@@ -111,9 +110,6 @@ pub struct StageState {
     pub losses: Losses,
     /// Steps that changed nothing.
     pub skipped: SkippedSteps,
-    /// How the poses were refined so far.
-    #[serde(default)]
-    pub refinements: Vec<SynthesisRefinement>,
     /// Learned numbers and their moments.
     pub numbers: Vec<SavedNumbers>,
 }
@@ -295,7 +291,6 @@ mod tests {
                 loss_at_start: 0.3,
                 losses: Losses::default(),
                 skipped: SkippedSteps::default(),
-                refinements: vec![],
                 numbers: vec![SavedNumbers { name: "a".into(), values }],
             },
             seconds: 0.7,

@@ -141,7 +141,6 @@ mod tests {
                 loss_at_start: 1.0,
                 losses: Losses::default(),
                 skipped: SkippedSteps::default(),
-                refinements: vec![],
                 numbers: vec![],
             },
             seconds: 0.0,

@@ -19,7 +19,7 @@ pub use checkpoint::{Checkpoint, CheckpointError, CurvePoint};
 pub use checkpoints::Checkpoints;
 pub use presets::DescribedSetting;
 pub use settings::{
-    Align, Components, ExposureChoice, GlossChoice, LightChoice, Model, Network, Refine, SettingsError, Simplify,
+    Align, Components, ExposureChoice, GlossChoice, LightChoice, Model, Network, SettingsError, Simplify,
     TrainSettings, Unseen,
 };
 pub use train_error::TrainError;

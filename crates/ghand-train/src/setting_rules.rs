@@ -34,7 +34,6 @@ pub(crate) fn rule(name: &str) -> Option<Rule> {
         "images_per_step" => Rule::Whole(1, 64),
         "network" => Rule::Word(&["quick", "paper"]),
         "align" => Rule::Word(&["contours", "paper", "off"]),
-        "refine" => Rule::Word(&["synthesis", "off"]),
         "light" => Rule::Word(&["auto", "transfer", "off"]),
         "gaussians" => Rule::Word(&["round", "flat"]),
         "gloss" => Rule::Word(&["auto", "always", "off"]),
@@ -56,7 +55,8 @@ pub(crate) fn rule(name: &str) -> Option<Rule> {
 }
 
 /// Settings that were removed in 0.2: name, the default that they had, and why they were removed.
-const REMOVED: [(&str, &str, &str); 23] = [
+const REMOVED: [(&str, &str, &str); 24] = [
+    ("refine", "off", "poses refined by the avatar make it better in these very poses and worse in all others"),
     ("rate_light", "0.01", "training the light on brought less than 0.1 dB on every capture"),
     ("coverage_weight", "0.0", "it changed PSNR by less than 0.1 dB"),
     ("offset_roughness", "300.0", "it is always 300, which suits all captures that were measured"),

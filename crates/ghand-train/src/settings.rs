@@ -25,17 +25,6 @@ pub enum Align {
     Off,
 }
 
-/// Whether poses are refined once more while the avatar is trained.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Refine {
-    /// By the avatar: [`ghand_fit::alignment::synthesis`].
-    Synthesis,
-    /// They are not.
-    #[default]
-    Off,
-}
-
 /// What Gaussians get that training hardly saw.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -133,10 +122,6 @@ pub struct TrainSettings {
     /// else with 62 % of the iterations, images of half the size, a `uv_resolution` of at most 96 and a prior on
     /// hinges. `off`: they stay as given.
     pub align: Align,
-    /// How poses aligned to contours are refined while the avatar is trained, with `model=direct`. `synthesis`: after 200
-    /// of at least 600 iterations, to where drawings of the avatar agree with all images of a frame; held-out images
-    /// decide. `off`: they stay.
-    pub refine: Refine,
     /// How light is taken apart from skin. `transfer`: 64 directions of light, with the hand's shadows on itself; only
     /// few lamps in an even sky, unless all directions reduce the squared error in held-out frames by a twentieth.
     /// `off`: colours are as the images show them. `auto`: `transfer`, if it reduces that error by a tenth.
@@ -207,7 +192,6 @@ impl Default for TrainSettings {
             simplify: Simplify::default(),
             images_per_step: 1,
             align: Align::default(),
-            refine: Refine::default(),
             light: LightChoice::default(),
             gloss: GlossChoice::default(),
             exposure: ExposureChoice::default(),

@@ -3,7 +3,6 @@
 mod gaussian_width;
 mod light;
 mod preview_sink;
-mod refinement;
 mod run;
 pub mod simplification;
 mod stage;
@@ -33,7 +32,6 @@ use crate::train_error::TrainError;
 use crate::visible_gaussians::visible_gaussians;
 use gaussian_width::{gaussian_width, with_resolution};
 use ghand_fit::alignment::pose_offsets::tracker_offsets;
-use ghand_fit::alignment::synthesis::SynthesisRefinement;
 use ghand_fit::alignment::{Alignment, AlignmentError, align};
 use ghand_fit::exposure::ExposureFit;
 use ghand_fit::light_fit::LightFit;
@@ -111,8 +109,6 @@ pub struct Trained {
     pub stopped: bool,
     /// Steps without a finite gradient, of both stages, which changed nothing.
     pub skipped_steps: u64,
-    /// How the avatar refined the poses, with `refine=synthesis`.
-    pub refinements: Vec<SynthesisRefinement>,
     /// Wall-clock time of the run, seconds.
     pub seconds: f64,
     /// The loss, and the PSNR of images held out, over the run.
@@ -406,7 +402,6 @@ impl<'a> Trainer<'a> {
                 part_of_time: problem.settings.pose_stage().part,
                 done: 0,
                 refine_poses: true,
-                refines: false,
                 reduction: problem.settings.pose_stage().image_reduction.max(problem.reduction(&gpu)),
                 previews: 0,
             };
@@ -446,22 +441,15 @@ impl<'a> Trainer<'a> {
             part_of_time: 1.0,
             done: pose_iterations,
             refine_poses: false,
-            refines: true,
             reduction: problem.reduction(&gpu),
             previews: PREVIEWS,
         };
-        if let Some(reason) = problem.why_not_refined(stage.iterations) {
-            log::warn!("refine=synthesis changes no poses: {reason}");
-        }
         let done = gpu
             .retry_on_device_loss("stage 2", |gpu| problem.run(gpu, &stage, &mut run, &mut progress))
             .map_err(name_setting)?;
         let iterations = stage.done + done.iterations;
         let stopped = done.stopped;
         let mut avatar = done.avatar;
-        if !done.refinements.is_empty() {
-            problem.prepared.poses = done.poses;
-        }
         avatar.limit_response(&problem.seen_poses());
         avatar.tracker = problem.tracker();
         let may_leave_out = !stopped && problem.settings.model == Model::Direct;
@@ -500,7 +488,6 @@ impl<'a> Trainer<'a> {
             iterations,
             stopped,
             skipped_steps,
-            refinements: done.refinements,
             seconds,
             curve,
             previews,

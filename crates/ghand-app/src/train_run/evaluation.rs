@@ -129,9 +129,6 @@ pub fn print_table(m: &Metrics) {
     if let Some(alignment) = &m.alignment {
         print_alignment(alignment);
     }
-    for refinement in &m.refinements {
-        say!("refinement: {}", refinement.summary());
-    }
     if m.blurred > 0 {
         say!("blurred training images, which were taken less often: {}", m.blurred);
     }
@@ -343,7 +340,6 @@ mod tests {
             components: Components::Full,
             poses: "given".into(),
             pose_error_deg: None,
-            refinements: vec![],
             alignment: None,
             blurred: 0,
             exposure: None,

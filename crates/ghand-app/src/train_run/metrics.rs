@@ -1,7 +1,6 @@
 //! The figures of a run, as they stand in `metrics.json`.
 
 use ghand_fit::alignment::results::figures::AlignmentFigures;
-use ghand_fit::alignment::synthesis::SynthesisRefinement;
 use ghand_fit::exposure::ExposureFit;
 use ghand_fit::light_fit::LightReport;
 use ghand_measure::evaluation::ImageMetrics;
@@ -29,8 +28,6 @@ pub struct Metrics {
     pub pose_error_deg: Option<JointAngleErrors>,
     /// How the alignment went, with `align=contours`.
     pub alignment: Option<AlignmentFigures>,
-    /// How the avatar refined the poses while it was trained, with `refine=synthesis`.
-    pub refinements: Vec<SynthesisRefinement>,
     /// Training images that are so blurred that they were taken less than half as often as others.
     pub blurred: usize,
     /// What was found of the cameras' exposures; `null` with `exposure=off`.

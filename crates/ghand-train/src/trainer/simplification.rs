@@ -281,7 +281,6 @@ impl<'a> Trials<'a> {
             part_of_time: 1.0,
             done: 0,
             refine_poses: false,
-            refines: false,
             reduction: self.problem.reduction(gpu),
             previews: 0,
             settings: settings.clone(),

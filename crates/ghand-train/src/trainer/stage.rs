@@ -17,7 +17,6 @@ use crate::settings::{TrainSettings, Unseen};
 use crate::step::{Rates, Step, StepOutcome};
 use crate::train_error::TrainError;
 use ghand_core::pose_error::moving_joints;
-use ghand_fit::alignment::synthesis::SynthesisRefinement;
 use ghand_fit::views::TrainView;
 use ghand_measure::error_bands::squared_error;
 use ghand_measure::metrics::{psnr_of, quantize};
@@ -46,8 +45,6 @@ pub(super) struct Stage {
     /// Iterations of the previous stages.
     pub done: u64,
     pub refine_poses: bool,
-    /// Whether the avatar may refine the poses in between.
-    pub refines: bool,
     /// The images are this many times smaller than the capture's.
     pub reduction: u32,
     /// How often the watched images are taken, evenly over the stage, and at its end once more.
@@ -64,8 +61,6 @@ pub(super) struct StageResult {
     pub stopped: bool,
     /// Its steps without a finite gradient, which changed nothing.
     pub skipped_steps: u64,
-    /// How the poses were refined.
-    pub refinements: Vec<SynthesisRefinement>,
     /// The watched images at its end, and their mean PSNR.
     pub previews: Vec<Preview>,
     /// See `previews`.
@@ -110,7 +105,6 @@ impl Problem {
         let began = before.as_ref().map_or_else(|| run.seconds(), |state| state.began);
         let mut losses = before.as_ref().map_or_else(Losses::default, |state| state.losses.clone());
         let mut skipped = before.as_ref().map_or_else(SkippedSteps::default, |state| state.skipped);
-        let mut refinements = before.as_ref().map_or_else(Vec::new, |state| state.refinements.clone());
         let mut done = before.as_ref().map_or(0, |state| state.iteration);
         // After the loss of a device, what came after the last state comes again.
         run.curve.retain(|point| point.iteration <= stage.done + done);
@@ -118,29 +112,13 @@ impl Problem {
         let mut order = ViewOrder::new(&self.views, weights, settings.seed, settings.images_per_step, done);
         let mut saved = before.as_ref().map(|state| state.iteration);
         let mut stop_requested = false;
-        let state_after = |step: &Step,
-                           done: u64,
-                           losses: &Losses,
-                           skipped: SkippedSteps,
-                           refinements: &[SynthesisRefinement]|
-         -> Result<_, RenderError> {
-            let refinements = refinements.to_vec();
+        let state_after = |step: &Step, done: u64, losses: &Losses, skipped: SkippedSteps| -> Result<_, RenderError> {
             let numbers = step.state(gpu, self.prepared.poses.len())?;
             let iterations_done = stage.done + done;
             let number = stage.number;
             let losses = losses.clone();
             let iteration = done;
-            Ok(StageState {
-                number,
-                iteration,
-                iterations_done,
-                began,
-                loss_at_start,
-                losses,
-                skipped,
-                refinements,
-                numbers,
-            })
+            Ok(StageState { number, iteration, iterations_done, began, loss_at_start, losses, skipped, numbers })
         };
         while done < stage.iterations {
             let fraction = self.fraction(stage, done, began, run.seconds());
@@ -149,7 +127,7 @@ impl Problem {
             }
             stop_requested = run.stop_requested();
             if saved != Some(done) && (stop_requested || run.checkpoint_due()) && run.checkpoints.is_some() {
-                run.save(self, state_after(&step, done, &losses, skipped, &refinements)?);
+                run.save(self, state_after(&step, done, &losses, skipped)?);
                 saved = Some(done);
             }
             // An avatar without a single iteration is not a result either.
@@ -160,14 +138,6 @@ impl Problem {
             }
             if stop_requested {
                 break;
-            }
-            let is_refined = refinements.iter().any(|refinement: &SynthesisRefinement| refinement.iteration == done);
-            if self.refines_before(stage, done) && !is_refined {
-                match self.refine_poses(gpu, run, &mut step, stage, done)? {
-                    Some(refinement) => refinements.push(refinement),
-                    // A stop was requested.
-                    None => continue,
-                }
             }
             self.show_preview(gpu, run, &step, &avatar, stage.done + done)?;
             let rounds = pose_stage.prior_rounds;
@@ -234,7 +204,7 @@ impl Problem {
         }
         // So that a run which is killed while it is evaluated need not repeat its last iterations.
         if !stage.refine_poses && saved != Some(done) && run.checkpoints.is_some() {
-            run.save(self, state_after(&step, done, &losses, skipped, &refinements)?);
+            run.save(self, state_after(&step, done, &losses, skipped)?);
         }
         let mut tables = step.tables(gpu)?;
         let (response, moved, poses) = self.read_hand(gpu, &step)?;
@@ -267,7 +237,6 @@ impl Problem {
             iterations: done,
             stopped: stop_requested,
             skipped_steps,
-            refinements,
             previews,
             held_out_psnr,
         })

@@ -79,7 +79,6 @@ pub(super) fn evaluate(
         poses: inputs.poses.to_string(),
         pose_error_deg,
         alignment,
-        refinements: trained.refinements.clone(),
         blurred: trained.blurred,
         exposure: trained.exposure.clone(),
         light: trained.light.as_ref().map(LightFit::report),
