@@ -10,9 +10,7 @@ use ghand_render::{AdapterChoice, Gpu};
 use ghand_synthetic::SyntheticOptions;
 use ghand_synthetic::make_capture::make_capture;
 use ghand_test_support::long;
-use ghand_train::{
-    Align, Checkpoints, GlossChoice, LightChoice, Model, TrainError, TrainSettings, Trained, Trainer,
-};
+use ghand_train::{Align, Checkpoints, GlossChoice, LightChoice, Model, TrainError, TrainSettings, Trained, Trainer};
 
 /// Runs `test` with a device and a small capture.
 fn with_capture(test: impl FnOnce(&Gpu, &Capture)) {
@@ -71,12 +69,7 @@ fn an_interrupted_run_ends_with_the_same_bytes() {
         // Of large networks the first steps overshoot: slow ones here.
         let slow = TrainSettings { rate_networks: 1e-5, rate_feature_tensor: 1e-5, ..network.clone() };
         let batch = TrainSettings { network: ghand_train::Network::Paper, iterations: 4, ..slow };
-        let cases = [
-            (lit, &[1, 17, 33, 39][..]),
-            (stages, &[7, 19, 20, 21, 30]),
-            (network, &[2, 5, 6]),
-            (batch, &[3]),
-        ];
+        let cases = [(lit, &[1, 17, 33, 39][..]), (stages, &[7, 19, 20, 21, 30]), (network, &[2, 5, 6]), (batch, &[3])];
         for (settings, stops) in cases.into_iter().filter(|(settings, _)| is_built(&settings.model)) {
             let [unused, folder] = [tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap()];
             let whole = run(gpu, capture, &settings, unused.path(), u64::MAX).unwrap();
