@@ -89,9 +89,9 @@ impl LampSearch<'_> {
             Some(squared_error_of(&frames, &fit, GREEN))
         };
         let starts = starts(towards, known.reach + NEAREST);
-        let judged =
-            starts.into_iter().filter_map(|(towards, start)| Some((error(lamp(towards, start))?, towards, start)));
-        let (mut least, towards, mut best) = judged.min_by(|(a, ..), (b, ..)| a.total_cmp(b))?;
+        let judge = |(towards, start): (DVec3, [f64; 4])| Some((error(lamp(towards, start))?, towards, start));
+        let judged: Vec<(f64, DVec3, [f64; 4])> = starts.into_par_iter().filter_map(judge).collect();
+        let (mut least, towards, mut best) = judged.into_iter().min_by(|(a, ..), (b, ..)| a.total_cmp(b))?;
         let mut steps = FIRST_STEPS;
         for round in 0..ROUNDS {
             for i in 0..best.len() {

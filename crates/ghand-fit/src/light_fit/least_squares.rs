@@ -92,11 +92,16 @@ impl Parts {
         Parts { direct: self.direct.select_rows(points), closed, mean: self.mean.clone() }
     }
 
-    /// With what skin throws on skin.
-    fn rows(&self, interreflection: f64) -> DMatrix<f64> {
-        let mut rows = self.direct.clone();
-        if interreflection > 0.0 {
-            rows.ger(interreflection, &self.closed, &self.mean.transpose(), 1.0);
+    /// What each unknown gives each point, with what skin throws on skin, times the point's factor; then `last`.
+    fn scaled(&self, interreflection: f64, factors: &DVector<f64>, last: &DVector<f64>) -> DMatrix<f64> {
+        let unknowns = self.direct.ncols();
+        let mut rows = self.direct.clone().resize_horizontally(unknowns + 1, 0.0);
+        rows.set_column(unknowns, last);
+        for (mut column, mean) in rows.column_iter_mut().zip(self.mean.iter()) {
+            if interreflection > 0.0 {
+                column.axpy(interreflection * mean, &self.closed, 1.0);
+            }
+            column.component_mul_assign(factors);
         }
         rows
     }
@@ -147,6 +152,15 @@ impl ChannelFit {
     }
 }
 
+/// What some frames show in one channel.
+struct Channel<'a> {
+    frames: &'a [&'a FrameColors],
+    /// The colours, linear, by frame.
+    values: Vec<DVector<f64>>,
+    /// The [`steepness`] there.
+    steepness: Vec<DVector<f64>>,
+}
+
 /// Light and albedos of the three channels, linear, where skin throws this part of its light on skin.
 pub(super) fn fit(
     unknowns: &Unknowns,
@@ -163,20 +177,14 @@ pub(super) fn fit(
     }
     // Each channel for itself, light from where images hardly tell has any colour, which shadows then take.
     let gray = fits.iter().map(|fit| &fit.light).sum::<DVector<f64>>() / 3.0;
-    let less_colored = |(channel, fit): (usize, ChannelFit)| {
-        let values = values_of(frames, channel);
-        let weights = robust_weights(frames, &values, &fit);
-        let pull = Pull { to: &gray, ridge: COLOR_RIDGE };
-        let light = fit_light(unknowns, frames, &values, &weights, &fit, &pull);
+    let less_colored = |(number, fit): (usize, ChannelFit)| {
+        let channel = Channel::new(frames, number);
+        let weights = channel.robust_weights(&fit, &channel.irradiances(&fit));
+        let light = channel.light(unknowns, &weights, &fit, &Pull { to: &gray, ridge: COLOR_RIDGE });
         let fit = ChannelFit { light, ..fit };
-        ChannelFit { albedo: fit_albedo(frames, &values, &weights, &fit, texels), ..fit }
+        ChannelFit { albedo: channel.albedo(&channel.irradiances(&fit), &weights, texels), ..fit }
     };
     fits.into_par_iter().enumerate().map(less_colored).collect()
-}
-
-/// The colours of one channel, by frame.
-fn values_of(frames: &[&FrameColors], channel: usize) -> Vec<Vec<f64>> {
-    frames.iter().map(|frame| frame.colors.iter().map(|color| color[channel]).collect()).collect()
 }
 
 /// What a light is drawn to.
@@ -198,19 +206,20 @@ pub(super) fn fit_channel(
     if unknowns.model == LightModel::Constant {
         return ChannelFit { light: even, albedo: mean_colors(frames, texels, channel), interreflection: 0.0 };
     }
-    let values = values_of(frames, channel);
+    let channel = Channel::new(frames, channel);
     // Directions that nothing shows are not dark: they are drawn to even light.
     let pull = Pull { to: &even, ridge: LIGHT_RIDGE };
     // All skin alike: what light explains is light.
     let mut fit = ChannelFit { light: even.clone(), albedo: DVector::from_element(texels, 1.0), interreflection };
-    let mut weights: Vec<Vec<f64>> =
-        values.iter().map(|values| values.iter().map(|value| steepness(*value).powi(2)).collect()).collect();
+    let mut weights: Vec<DVector<f64>> = channel.steepness.iter().map(|of| of.component_mul(of)).collect();
     for _ in 0..ROUNDS {
-        let before = fit.light.clone();
-        fit.light = fit_light(unknowns, frames, &values, &weights, &fit, &pull);
-        fit.albedo = fit_albedo(frames, &values, &weights, &fit, texels);
-        weights = robust_weights(frames, &values, &fit);
-        if (&fit.light - before).norm() < SMALL_CHANGE * fit.light.norm() {
+        let light = channel.light(unknowns, &weights, &fit, &pull);
+        let change = (&light - &fit.light).norm();
+        fit.light = light;
+        let irradiances = channel.irradiances(&fit);
+        fit.albedo = channel.albedo(&irradiances, &weights, texels);
+        weights = channel.robust_weights(&fit, &irradiances);
+        if change < SMALL_CHANGE * fit.light.norm() {
             break;
         }
     }
@@ -231,92 +240,92 @@ fn mean_colors(frames: &[&FrameColors], texels: usize, channel: usize) -> DVecto
     DVector::from_iterator(texels, sums.iter().map(of_texel))
 }
 
-/// The light under which the albedos of a fit look as they do, with a mean over the directions of 1: albedo carries the
-/// scale.
-fn fit_light(
-    unknowns: &Unknowns,
-    frames: &[&FrameColors],
-    values: &[Vec<f64>],
-    weights: &[Vec<f64>],
-    fit: &ChannelFit,
-    pull: &Pull,
-) -> DVector<f64> {
-    let count = fit.light.len();
-    let mut matrix = DMatrix::zeros(count, count);
-    let mut vector = DVector::zeros(count);
-    for ((frame, values), weights) in frames.iter().zip(values).zip(weights) {
-        let mut rows = frame.parts.rows(fit.interreflection);
-        let mut targets = DVector::zeros(values.len());
-        for (i, mut row) in rows.row_iter_mut().enumerate() {
-            let weight = weights[i].sqrt();
-            row *= weight * fit.albedo[frame.texels[i]];
-            targets[i] = weight * values[i];
-        }
-        let transposed = rows.transpose();
-        matrix += &transposed * &rows;
-        vector += transposed * targets;
+impl<'a> Channel<'a> {
+    fn new(frames: &'a [&'a FrameColors], channel: usize) -> Channel<'a> {
+        let of_frame = |frame: &&FrameColors| {
+            DVector::from_iterator(frame.colors.len(), frame.colors.iter().map(|color| color[channel]))
+        };
+        let values: Vec<DVector<f64>> = frames.iter().map(of_frame).collect();
+        let steepness = values.iter().map(|values| values.map(steepness)).collect();
+        Channel { frames, values, steepness }
     }
-    // A lamp is found because it stands out: nothing needs to hold it.
-    let directions = count - unknowns.lamps;
-    let ridge = pull.ridge * matrix.diagonal().rows(0, directions).mean();
-    for k in 0..directions {
-        matrix[(k, k)] += ridge;
-        vector[k] += ridge * pull.to[k];
-    }
-    let before = fit.light.clone();
-    let mut light = match unknowns.model {
-        LightModel::Directions => non_negative(&matrix, &vector, before),
-        LightModel::Lamps => lamps_in_a_sky(&matrix, &vector, &before, unknowns.lamps),
-        LightModel::Constant => before,
-    };
-    let scale = light.dot(&unknowns.shares) / DIRECTION_COUNT as f64;
-    if scale > 0.0 {
-        light /= scale;
-    }
-    light
-}
 
-/// The albedos of all texels under the light of a fit, drawn to their mean.
-fn fit_albedo(
-    frames: &[&FrameColors],
-    values: &[Vec<f64>],
-    weights: &[Vec<f64>],
-    fit: &ChannelFit,
-    texels: usize,
-) -> DVector<f64> {
-    // Of each texel: sums of irradiance * colour and of irradiance^2.
-    let mut sums = vec![[0.0; 2]; texels];
-    for ((frame, values), weights) in frames.iter().zip(values).zip(weights) {
-        let irradiance = fit.irradiances(frame);
-        for (i, t) in frame.texels.iter().enumerate() {
-            sums[*t][0] += weights[i] * irradiance[i] * values[i];
-            sums[*t][1] += weights[i] * irradiance[i] * irradiance[i];
-        }
+    fn irradiances(&self, fit: &ChannelFit) -> Vec<DVector<f64>> {
+        self.frames.par_iter().map(|frame| fit.irradiances(frame)).collect()
     }
-    let total = |k: usize| sums.iter().map(|sum| sum[k]).sum::<f64>();
-    let mean = total(0) / total(1).max(f64::MIN_POSITIVE);
-    DVector::from_iterator(texels, sums.iter().map(|sum| (sum[0] + ALBEDO_RIDGE * mean) / (sum[1] + ALBEDO_RIDGE)))
+
+    /// The light under which the albedos of a fit look as they do, with a mean over the directions of 1: albedo carries the
+    /// scale.
+    fn light(&self, unknowns: &Unknowns, weights: &[DVector<f64>], fit: &ChannelFit, pull: &Pull) -> DVector<f64> {
+        let count = fit.light.len();
+        // The normal equations of a frame; their right side is the last column.
+        let of_frame = |((frame, values), weights): ((&&FrameColors, &DVector<f64>), &DVector<f64>)| {
+            let roots = weights.map(f64::sqrt);
+            let albedo = frame.texels.iter().map(|t| fit.albedo[*t]);
+            let factors = DVector::from_iterator(albedo.len(), albedo.zip(&roots).map(|(albedo, root)| albedo * root));
+            let rows = frame.parts.scaled(fit.interreflection, &factors, &roots.component_mul(values));
+            rows.transpose() * rows
+        };
+        let frames = self.frames.par_iter().zip(&self.values).zip(weights);
+        let by_frame: Vec<DMatrix<f64>> = frames.map(of_frame).collect();
+        let all = by_frame.iter().fold(DMatrix::zeros(count + 1, count + 1), |sum, of_frame| sum + of_frame);
+        let mut matrix = all.view((0, 0), (count, count)).into_owned();
+        let mut vector: DVector<f64> = all.view((0, count), (count, 1)).column(0).into_owned();
+        // A lamp is found because it stands out: nothing needs to hold it.
+        let directions = count - unknowns.lamps;
+        let ridge = pull.ridge * matrix.diagonal().rows(0, directions).mean();
+        for k in 0..directions {
+            matrix[(k, k)] += ridge;
+            vector[k] += ridge * pull.to[k];
+        }
+        let before = fit.light.clone();
+        let mut light = match unknowns.model {
+            LightModel::Directions => non_negative(&matrix, &vector, before),
+            LightModel::Lamps => lamps_in_a_sky(&matrix, &vector, &before, unknowns.lamps),
+            LightModel::Constant => before,
+        };
+        let scale = light.dot(&unknowns.shares) / DIRECTION_COUNT as f64;
+        if scale > 0.0 {
+            light /= scale;
+        }
+        light
+    }
+
+    /// The albedos of all texels under the light of a fit, drawn to their mean.
+    fn albedo(&self, irradiances: &[DVector<f64>], weights: &[DVector<f64>], texels: usize) -> DVector<f64> {
+        // Of each texel: sums of irradiance * colour and of irradiance^2.
+        let mut sums = vec![[0.0; 2]; texels];
+        for (k, frame) in self.frames.iter().enumerate() {
+            for (i, t) in frame.texels.iter().enumerate() {
+                let weighted = weights[k][i] * irradiances[k][i];
+                sums[*t][0] += weighted * self.values[k][i];
+                sums[*t][1] += weighted * irradiances[k][i];
+            }
+        }
+        let total = |k: usize| sums.iter().map(|sum| sum[k]).sum::<f64>();
+        let mean = total(0) / total(1).max(f64::MIN_POSITIVE);
+        DVector::from_iterator(texels, sums.iter().map(|sum| (sum[0] + ALBEDO_RIDGE * mean) / (sum[1] + ALBEDO_RIDGE)))
+    }
+
+    /// The weights of squared linear errors at a fit with these irradiances.
+    fn robust_weights(&self, fit: &ChannelFit, irradiances: &[DVector<f64>]) -> Vec<DVector<f64>> {
+        let errors: Vec<DVector<f64>> = (0..self.frames.len())
+            .map(|k| {
+                let texels = &self.frames[k].texels;
+                let fitted = texels.iter().zip(&irradiances[k]).map(|(t, irradiance)| fit.albedo[*t] * irradiance);
+                (&self.values[k] - DVector::from_iterator(texels.len(), fitted)).component_mul(&self.steepness[k])
+            })
+            .collect();
+        let typical = median(errors.iter().flatten().map(|error| error.abs()));
+        let large = (3.0 * typical).max(LEAST_LARGE_ERROR);
+        let weight = |steepness: f64, error: f64| steepness.powi(2) / (1.0 + (error / large).powi(2));
+        self.steepness.iter().zip(&errors).map(|(steepness, errors)| steepness.zip_map(errors, weight)).collect()
+    }
 }
 
 /// How much a display value changes with a linear one.
 pub(super) fn steepness(linear: f64) -> f64 {
     DISPLAY_EXPONENT * linear.max(DARKEST).powf(DISPLAY_EXPONENT - 1.0)
-}
-
-/// The weights of squared linear errors at a fit.
-fn robust_weights(frames: &[&FrameColors], values: &[Vec<f64>], fit: &ChannelFit) -> Vec<Vec<f64>> {
-    let errors: Vec<Vec<f64>> = (frames.iter().zip(values))
-        .map(|(frame, values)| {
-            let irradiance = fit.irradiances(frame);
-            let error =
-                |(i, value): (usize, &f64)| steepness(*value) * (value - fit.albedo[frame.texels[i]] * irradiance[i]);
-            values.iter().enumerate().map(error).collect()
-        })
-        .collect();
-    let typical = median(errors.iter().flatten().map(|error| error.abs()));
-    let large = (3.0 * typical).max(LEAST_LARGE_ERROR);
-    let weight = |(value, error): (&f64, &f64)| steepness(*value).powi(2) / (1.0 + (error / large) * (error / large));
-    values.iter().zip(&errors).map(|(values, errors)| values.iter().zip(errors).map(weight).collect()).collect()
 }
 
 /// Mean squared error of display values in some frames.
