@@ -110,6 +110,31 @@ pub fn fit_light(
     choice: LightChoice,
     gloss_choice: GlossChoice,
 ) -> Result<LightFit, InvalidHandModel> {
+    fit_light_and_try(texel_frames, template, poses, choice, gloss_choice, None).map(|(fit, _)| fit)
+}
+
+/// What light and gloss leave unexplained in frames left out.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Unexplained {
+    /// Mean squared error of the texels' colours, display values.
+    pub of_frames: f64,
+    /// The part of the squared differences between the images of a frame.
+    pub of_differences: f64,
+}
+
+/// As [`fit_light`]; and what lamps and other terms that were found leave unexplained of the same images in other colours,
+/// once their strengths are those of these colours.
+///
+/// # Errors
+/// [`InvalidHandModel`] if a pose does not fit the template.
+pub fn fit_light_and_try(
+    texel_frames: &TexelFrames,
+    template: &HandModel,
+    poses: &[Pose],
+    choice: LightChoice,
+    gloss_choice: GlossChoice,
+    recolored: Option<&TexelFrames>,
+) -> Result<(LightFit, Option<Unexplained>), InvalidHandModel> {
     let start = Instant::now();
     let seen = Observations::new(texel_frames, None);
     let model = template.without_blend_shapes();
@@ -135,7 +160,7 @@ pub fn fit_light(
             fits = terms.fits();
         }
     }
-    Ok(LightFit {
+    let fit = LightFit {
         light: terms.light(&coverage, &fits),
         gloss,
         interreflection: terms.interreflection.map(|part| part as f32),
@@ -144,7 +169,15 @@ pub fn fit_light(
         texels: seen.used(),
         frame_factors: frame_factors(&terms.columns, &fits),
         seconds: start.elapsed().as_secs_f64(),
-    })
+    };
+    let Some(recolored) = recolored else { return Ok((fit, None)) };
+    terms.recolor(&Observations::new(recolored, None));
+    let mut tried = Unexplained { of_frames: terms.squared_error(), of_differences: 1.0 };
+    if let (Some(found), Some(light)) = (&fit.gloss, terms.light(&coverage, &terms.fits())) {
+        let gloss = gloss::find(recolored, &model, poses, &light, &[found.gloss.roughness], true)?;
+        tried.of_differences = gloss.map_or(1.0, |gloss| gloss.left);
+    }
+    Ok((fit, Some(tried)))
 }
 
 #[cfg(test)]

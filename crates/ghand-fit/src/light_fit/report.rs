@@ -5,8 +5,7 @@ use ghand_avatar::{Light, LightKind};
 use glam::DVec3;
 use serde::Serialize;
 
-use super::{GlossFit, LightFigures, LightFit};
-use crate::exposure::ExposureFit;
+use super::{GlossFit, LightFigures, LightFit, Unexplained};
 
 /// A fit in `metrics.json`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -89,14 +88,12 @@ impl GlossFit {
 }
 
 impl LightFit {
-    /// What light and gloss leave unexplained in frames left out, squared display values: of a texel's colours in different
-    /// frames, and of how the cameras of a frame differ. `exposures` were found without and with maps; `which` of both
-    /// this light is of.
-    pub fn unexplained(&self, exposures: &ExposureFit, which: usize) -> f64 {
+    /// What light and gloss leave unexplained: with the term that explains most.
+    pub fn unexplained(&self) -> Unexplained {
         let LightFigures { none, lamps, transfer, near, interreflection } = self.figures;
         let of_light =
             [none, lamps, transfer].into_iter().chain(near).chain(interreflection).fold(f64::INFINITY, f64::min);
-        of_light + exposures.squared_difference_left_out[which] * self.gloss.as_ref().map_or(1.0, |gloss| gloss.left)
+        Unexplained { of_frames: of_light, of_differences: self.gloss.as_ref().map_or(1.0, |gloss| gloss.left) }
     }
 
     /// See [`LightReport::frames_differ`].

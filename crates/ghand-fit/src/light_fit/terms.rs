@@ -168,6 +168,11 @@ impl<'a> Terms<'a> {
         self.columns.iter_mut().enumerate().for_each(|(frame, colors)| seen.recolor(frame, colors));
     }
 
+    /// The squared error of held-out frames.
+    pub fn squared_error(&self) -> f64 {
+        self.error(&self.unknowns, &self.columns, self.interreflection)
+    }
+
     /// The fits of all frames, channel by channel.
     pub fn fits(&self) -> Vec<ChannelFit> {
         let all: Vec<usize> = (0..self.columns.len()).collect();
@@ -208,7 +213,7 @@ impl<'a> Terms<'a> {
         fit(unknowns, &frames, self.seen.samples.len(), interreflection)
     }
 
-    /// The squared error of held-out frames.
+    /// The squared error of held-out frames with these terms.
     fn error(&self, unknowns: &Unknowns, columns: &[FrameColors], interreflection: [f64; 3]) -> f64 {
         let fits = self.fit(columns, &self.others(), unknowns, interreflection);
         let left_out = (0..columns.len()).filter(|frame| held_out(*frame, columns.len()));

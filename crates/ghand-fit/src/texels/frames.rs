@@ -20,6 +20,7 @@ const BURNT: f64 = 0.99;
 const BLACK: f64 = 0.02;
 
 /// A camera's image of a frame.
+#[derive(Clone)]
 pub struct TexelImage {
     /// Index of the camera in the capture.
     pub camera: usize,
@@ -30,6 +31,7 @@ pub struct TexelImage {
 }
 
 /// Frames with their images.
+#[derive(Clone)]
 pub struct TexelFrames {
     /// The texels.
     pub samples: SurfaceSamples,
@@ -73,12 +75,14 @@ impl TexelFrames {
     }
 
     /// Corrects all colours.
-    pub fn correct(&mut self, correction: &ColorCorrection) {
-        for image in self.images.iter_mut().flatten() {
+    pub fn corrected(&self, correction: &ColorCorrection) -> TexelFrames {
+        let mut frames = self.clone();
+        for image in frames.images.iter_mut().flatten() {
             for view in image.texels.iter_mut().flatten() {
                 view.color = correction.corrected(image.camera, view.color).map(|v| v.clamp(0.0, 1.0));
             }
         }
+        frames
     }
 
     /// The parts of what images show of the hand that are burnt out and that are black.

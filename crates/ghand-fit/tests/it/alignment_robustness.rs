@@ -215,7 +215,7 @@ fn a_template_of_another_size_takes_the_size_of_the_hand() {
 fn templates_that_cannot_be_right_are_refused() {
     let left = of_template("other side", builtin_hand(Side::Left).unwrap());
     assert_eq!(left.rejection, Some(Rejection::OtherHand { side: Side::Left }), "{left:?}");
-    for factor in [0.1, 10.0].into_iter().take(cases(1, 2)) {
+    for factor in [10.0, 0.1].into_iter().take(cases(1, 2)) {
         let found = of_template(&format!("template x {factor}"), scaled(&exact().template, factor));
         // A small one finds some outline everywhere: 1.6 pixels off, with an overlap of 0.15.
         let is_refused = match found.rejection {

@@ -3,7 +3,7 @@
 use ghand_capture::ColorCorrection;
 use ghand_core::InvalidHandModel;
 use ghand_fit::exposure::{ExposureChoice, WORTHWHILE, fit_exposure};
-use ghand_fit::light_fit::{LightChoice, LightFit, fit_light};
+use ghand_fit::light_fit::{LightChoice, LightFit, Unexplained, fit_light_and_try};
 use ghand_fit::texels::frames::TexelFrames;
 use ghand_fit::views::TrainViews;
 use ghand_render::Gpu;
@@ -38,26 +38,27 @@ impl Problem {
         }
         let mut exposures = (exposure != ExposureChoice::Off).then(|| fit_exposure(&seen, exposure));
         let mut correction = ColorCorrection::default();
-        let mut found;
+        let mut found = None;
         if let Some(fit) = exposures.as_mut().filter(|fit| fit.corrected) {
+            let maps = ColorCorrection { cameras: fit.maps.clone() };
+            let corrected = seen.corrected(&maps);
             // Shine and light from one side differ between cameras, too.
-            let as_it_is = match exposure {
-                ExposureChoice::Auto => self.light_of(&seen)?,
-                _ => None,
-            };
-            correction.cameras.clone_from(&fit.maps);
-            seen.correct(&correction);
-            found = self.light_of(&seen)?;
-            if let (Some(without), Some(with)) = (&as_it_is, &found) {
-                let unexplained = [without.unexplained(fit, 0), with.unexplained(fit, 1)];
+            if exposure == ExposureChoice::Auto
+                && let Some((as_it_is, Some(tried))) = self.light_of(&seen, Some(&corrected))?
+            {
+                let left = fit.squared_difference_left_out;
+                let sum = |of: Unexplained, which: usize| of.of_frames + left[which] * of.of_differences;
+                let unexplained = [sum(as_it_is.unexplained(), 0), sum(tried, 1)];
                 fit.unexplained = Some(unexplained);
                 fit.corrected = unexplained[1] < WORTHWHILE * unexplained[0];
+                found = Some(as_it_is);
             }
-            if !fit.corrected {
-                (correction, found) = (ColorCorrection::default(), as_it_is);
+            if fit.corrected {
+                (seen, correction, found) = (corrected, maps, None);
             }
-        } else {
-            found = self.light_of(&seen)?;
+        }
+        if found.is_none() {
+            found = self.light_of(&seen, None)?.map(|(fit, _)| fit);
         }
         self.prepared.exposure = exposures;
         if let Some(fit) = found {
@@ -79,10 +80,15 @@ impl Problem {
         Ok(())
     }
 
-    /// The light in which the images show the hand; `None` if it is not to be taken apart from skin.
-    fn light_of(&self, seen: &TexelFrames) -> Result<Option<LightFit>, InvalidHandModel> {
+    /// The light in which the images show the hand, and what it leaves unexplained of the same images in other colours; `None`
+    /// if it is not to be taken apart from skin.
+    fn light_of(
+        &self,
+        seen: &TexelFrames,
+        recolored: Option<&TexelFrames>,
+    ) -> Result<Option<(LightFit, Option<Unexplained>)>, InvalidHandModel> {
         let TrainSettings { light, gloss, .. } = self.settings;
-        let fit = || fit_light(seen, &self.capture.template, &self.prepared.poses, light, gloss);
+        let fit = || fit_light_and_try(seen, &self.capture.template, &self.prepared.poses, light, gloss, recolored);
         (light != LightChoice::Off).then(fit).transpose()
     }
 }
