@@ -9,6 +9,9 @@ use image::{Rgb, RgbImage};
 
 use super::*;
 
+/// Space for the longest time, points.
+const LONGEST: f32 = 80.0;
+
 /// Keeps egui's textures on the device that draws the subject.
 pub(super) struct Textures {
     pub gpu: Gpu,
@@ -51,6 +54,8 @@ impl Headless {
         hidden.retain(|rect| rect.is_finite());
         let mut picture = self.drawn();
         for rect in hidden {
+            // Numbers stand at the right, with as many digits as the machine is slow.
+            let rect = rect.with_min_x(rect.left().min(rect.right() - LONGEST));
             let ([left, top], [right, bottom]) = (<[f32; 2]>::from(rect.min), <[f32; 2]>::from(rect.max));
             let rows = (top.max(0.0) as u32..(bottom.ceil() as u32).min(picture.height())).collect::<Vec<_>>();
             for y in rows {
