@@ -33,10 +33,19 @@ fn at_vertices(model: &HandModel) -> Vec<f64> {
         let normal = (*b - *a).cross(*c - *a);
         face.iter().for_each(|v| normals[*v as usize] += normal);
     }
+    // Balls around the triangles: a ray past a ball needs no further look.
+    let ball = |[a, b, c]: &[DVec3; 3]| {
+        let center = (*a + *b + *c) / 3.0;
+        let square = [a, b, c].map(|corner| corner.distance_squared(center)).into_iter().fold(0.0, f64::max);
+        (center, square * (1.0 + 1e-9))
+    };
+    let balls: Vec<(DVec3, f64)> = triangles.iter().map(ball).collect();
     let thickness = |(vertex, normal): (&DVec3, &DVec3)| {
         let inwards = -normal.normalize_or_zero();
         let origin = *vertex + inwards * START;
-        triangles.iter().filter_map(|t| exit_distance(origin, inwards, *t)).fold(f64::INFINITY, f64::min)
+        let passes = |(center, square): &(DVec3, f64)| (*center - origin).cross(inwards).length_squared() <= *square;
+        let near = triangles.iter().zip(&balls).filter(|(_, ball)| passes(ball));
+        near.filter_map(|(t, _)| exit_distance(origin, inwards, *t)).fold(f64::INFINITY, f64::min)
     };
     model.vertices.par_iter().zip(&normals).map(thickness).collect()
 }
