@@ -79,7 +79,8 @@ fn repeated_gestures_tell_the_clock_by_where_the_hand_is() {
 fn the_hand_alone_tells_cameras_and_clocks() {
     let lengths = lengths_of(&hand(), MEDIAPIPE_TIP_INSET, &[]).unwrap();
     let mut wrong = vec![];
-    for (count, seed, rates) in [(2, 1, &[30.0][..]), (2, 2, &[30.0, 25.0]), (4, 3, &[30.0, 29.7])] {
+    let all = [(2, 1, &[30.0][..]), (2, 2, &[30.0, 25.0]), (4, 3, &[30.0, 29.7])];
+    for (count, seed, rates) in all.into_iter().take(cases(2, 3)) {
         let truth = cameras(count);
         let tracks = tracks(&truth, rates, 0.003, seed);
         let unknown: Vec<Camera> =

@@ -64,7 +64,7 @@ fn an_initial_motion_plays_at_its_own_speed_at_any_frame_rate() {
     for text in ["count".to_owned(), pose_file(folder.path())] {
         let sequence = poses(&text);
         let end = sequence.duration();
-        for step_secs in [1.0 / 60.0, 1.0 / 3.0, 1.0] {
+        for step_secs in [1.0 / 16.0, 1.0 / 3.0, 1.0] {
             let mut ui = playing(sequence.clone(), step_secs);
             let (start, plays) = ui.place();
             assert!(plays, "{text} does not play when it is opened");
