@@ -123,7 +123,7 @@ pub struct Unexplained {
 }
 
 /// As [`fit_light`]; and what lamps and other terms that were found leave unexplained of the same images in other colours,
-/// once their strengths are those of these colours.
+/// once their strengths are those of these colours. Where no light was found, it is searched for in these colours.
 ///
 /// # Errors
 /// [`InvalidHandModel`] if a pose does not fit the template.
@@ -171,13 +171,20 @@ pub fn fit_light_and_try(
         seconds: start.elapsed().as_secs_f64(),
     };
     let Some(recolored) = recolored else { return Ok((fit, None)) };
-    terms.recolor(&Observations::new(recolored, None));
-    let mut tried = Unexplained { of_frames: terms.squared_error(), of_differences: 1.0 };
-    if let (Some(found), Some(light)) = (&fit.gloss, terms.light(&coverage, &terms.fits())) {
-        let gloss = gloss::find(recolored, &model, poses, &light, &[found.gloss.roughness], true)?;
-        tried.of_differences = gloss.map_or(1.0, |gloss| gloss.left);
+    if fit.light.is_none() {
+        let other = fit_light(recolored, template, poses, choice, gloss_choice)?;
+        return Ok((fit, Some(other.unexplained())));
     }
-    Ok((fit, Some(tried)))
+    terms.recolor(&Observations::new(recolored, None));
+    let of_frames = terms.squared_error();
+    let mut of_differences = 1.0;
+    if let Some(light) = terms.light(&coverage, &terms.fits()).filter(|_| gloss_choice != GlossChoice::Off) {
+        let found = fit.gloss.as_ref().map(|found| found.gloss.roughness);
+        let roughnesses = found.map_or(gloss::ROUGHNESSES.to_vec(), |roughness| vec![roughness]);
+        let gloss = gloss::find(recolored, &model, poses, &light, &roughnesses, found.is_some())?;
+        of_differences = gloss.map_or(1.0, |gloss| gloss.left);
+    }
+    Ok((fit, Some(Unexplained { of_frames, of_differences })))
 }
 
 #[cfg(test)]
