@@ -8,6 +8,7 @@ pub mod bundle;
 pub(crate) mod equations;
 pub mod lengths;
 mod noise;
+mod points_factor;
 pub mod start;
 
 use ghand_core::Camera;

@@ -15,6 +15,7 @@ use super::equations::{
     first_points, scales, shared_numbers,
 };
 use super::lengths::BONES;
+use super::points_factor::PointsFactor;
 use super::{Moment, Rig, Unknowns};
 
 /// Standard deviation of the logarithm of a bone's length beyond the hand's size: 5 % among people, and as much between
@@ -191,10 +192,13 @@ impl Reduced {
     fn eliminated(&self, damping: f64) -> Option<(DMatrix<f64>, DVector<f64>)> {
         let one = |equations: &Option<Equations>| {
             let Some(equations) = equations else { return Some(None) };
-            let factor = damped(&equations.points, damping).cholesky()?;
-            let solved = factor.solve(&equations.mixed);
-            let pulled = factor.solve(&equations.points_gradient);
-            Some(Some((equations.mixed.tr_mul(&solved), equations.mixed.tr_mul(&pulled))))
+            let factor = PointsFactor::of(damped(&equations.points, damping))?;
+            let mut mixed = equations.mixed.clone();
+            let mut gradient = equations.points_gradient.clone();
+            factor.solve_lower(&mut mixed);
+            factor.solve_lower(&mut gradient);
+            let transposed = mixed.transpose();
+            Some(Some((&transposed * mixed, transposed * gradient)))
         };
         let parts: Vec<_> = self.moments.par_iter().map(one).collect();
         let mut matrix = damped(&self.shared, damping);
@@ -219,8 +223,10 @@ impl Reduced {
         let step = -matrix.cholesky()?.solve(&gradient);
         let moved = |(equations, points): (&Option<Equations>, &Option<Points>)| {
             let (Some(equations), Some(points)) = (equations, points) else { return Some(None) };
-            let right = &equations.points_gradient + &equations.mixed * &step;
-            let by = -damped(&equations.points, damping).cholesky()?.solve(&right);
+            let mut by = -(&equations.points_gradient + &equations.mixed * &step);
+            let factor = PointsFactor::of(damped(&equations.points, damping))?;
+            factor.solve_lower(&mut by);
+            factor.solve_upper(&mut by);
             Some(Some(std::array::from_fn(|k| points[k] + DVec3::new(by[3 * k], by[3 * k + 1], by[3 * k + 2]))))
         };
         let points = self.moments.par_iter().zip(points).map(moved).collect::<Option<Vec<_>>>()?;
