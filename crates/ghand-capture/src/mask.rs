@@ -30,7 +30,7 @@ use crate::images::mask_values::mask_values;
 pub use aligned::AlignedHand;
 pub(crate) use contour::{EDGES_AND_CORNERS, parts};
 pub use distance::{depths, squared_distances};
-pub use fill::{covered_pixels, open_pixels};
+pub use fill::{covered_pixels, open_pixels, projected};
 pub(crate) use made::mask_by_colors;
 pub use made::{MadeMasks, MaskMethod};
 

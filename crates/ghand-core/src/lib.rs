@@ -7,6 +7,7 @@
 //! Units are metres and radians; vectors are columns; matrices read `to_from_from` (`posed_from_rest`).
 
 pub mod blend_shapes;
+pub mod bound_joints;
 pub mod camera;
 pub mod deformation;
 pub mod hand_model;

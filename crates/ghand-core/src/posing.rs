@@ -3,9 +3,9 @@
 
 use glam::DVec3;
 
+use crate::bound_joints::BoundJoints;
 use crate::pose_response::rotation_features;
-use crate::skeleton::{Chain, pose_skeleton};
-use crate::skinning::{ResidualWeights, Skinning, skin};
+use crate::skeleton::{Affine, Chain, pose_skeleton};
 use crate::{HandModel, InvalidHandModel, Pose};
 
 /// A hand at rest in some shape.
@@ -78,7 +78,7 @@ pub fn regress_joints(regressor: &[Vec<(u32, f64)>], vertices: &[DVec3]) -> Vec<
 /// # Errors
 /// [`InvalidHandModel`] as for [`shape_hand`], and if the pose does not have one rotation per joint.
 pub fn pose_hand(model: &HandModel, shape: &[f64], pose: &Pose) -> Result<PosedModel, InvalidHandModel> {
-    posed(model, shape_hand(model, shape)?, pose, |chain, corrected| {
+    posed(model, &BoundJoints::of(model), shape_hand(model, shape)?, pose, |chain, corrected| {
         let directions = model.pose_directions.chunks_exact(corrected.len().max(1));
         for (weight, directions) in pose_features(chain).zip(directions) {
             // In most poses, most joints have no rotation.
@@ -91,19 +91,22 @@ pub fn pose_hand(model: &HandModel, shape: &[f64], pose: &Pose) -> Result<PosedM
 
 /// Poses a hand in the shape of its template by [`pose_hand`]'s steps, with pose correctives of the caller's in place of
 /// the model's: `correct` gets the chain in the pose, and adds them to the vertices at rest (metres, model axes, `V`).
+/// `bound` are the model's.
 ///
 /// # Errors
 /// [`InvalidHandModel`] if the pose does not have one rotation per joint.
 pub fn pose_hand_corrected_by(
     model: &HandModel,
+    bound: &BoundJoints,
     pose: &Pose,
     correct: impl FnOnce(&Chain, &mut [DVec3]),
 ) -> Result<PosedModel, InvalidHandModel> {
-    posed(model, shape_hand(model, &[])?, pose, correct)
+    posed(model, bound, shape_hand(model, &[])?, pose, correct)
 }
 
 fn posed(
     model: &HandModel,
+    bound: &BoundJoints,
     shaped: ShapedHand,
     pose: &Pose,
     correct: impl FnOnce(&Chain, &mut [DVec3]),
@@ -116,16 +119,11 @@ fn posed(
     let chain = pose_skeleton(&model.parents, &shaped.joints, &pose.rotations);
     let mut corrected = shaped.vertices.clone();
     correct(&chain, &mut corrected);
-    let weights = joint_major_weights(model);
-    let vertices = skin(&Skinning {
-        rest: &corrected,
-        weights: &weights,
-        residual_weights: &[],
-        bones: &chain.posed_from_rest,
-        residual_bones: &[],
-        translation: pose.translation,
-        mode: ResidualWeights::Paper,
-    });
+    let skinned = |(v, rest): (usize, &DVec3)| {
+        let bones = bound.of_vertex(v).iter().map(|(joint, weight)| (&chain.posed_from_rest[*joint], *weight));
+        bones.fold(Affine::ZERO, |map, (bone, weight)| map.add_scaled(weight, bone)).apply(*rest) + pose.translation
+    };
+    let vertices = corrected.iter().enumerate().map(skinned).collect();
     let joints = chain.world.iter().map(|g| g.translation + pose.translation).collect();
     Ok(PosedModel { shaped, corrected, chain, vertices, joints })
 }
@@ -133,19 +131,6 @@ fn posed(
 /// `vec(R_k - I)` of all joints except the root, concatenated.
 fn pose_features(chain: &Chain) -> impl Iterator<Item = f64> {
     chain.local.iter().skip(1).flat_map(rotation_features)
-}
-
-/// The model's weights in the layout of skinning, `[n_b][V]`.
-fn joint_major_weights(model: &HandModel) -> Vec<f64> {
-    let joints = model.joint_count();
-    let vertices = model.vertices.len();
-    let mut weights = vec![0.0; joints * vertices];
-    for (v, row) in model.weights.chunks_exact(joints.max(1)).enumerate() {
-        for (k, weight) in row.iter().enumerate() {
-            weights[k * vertices + v] = *weight;
-        }
-    }
-    weights
 }
 
 fn invalid(model: &HandModel, field: &str, problem: String) -> InvalidHandModel {

@@ -1,48 +1,68 @@
 //! The filled outline of a mesh.
 
+use std::ops::Range;
+
 use ghand_core::Camera;
 use glam::{DVec2, DVec3};
 
 /// Triangles with a corner nearer than this are skipped, metres: points at or behind the camera have no image.
 const NEAR: f64 = 1e-3;
+/// Width and height of a cell of pixels.
+const CELL: usize = 8;
 
 /// Whether each pixel's centre, row-major, is inside the image of a triangle, edges included. `faces` are indices into
 /// `points` (world, metres); a triangle with an index beyond them is skipped.
 pub fn covered_pixels(camera: &Camera, points: &[DVec3], faces: &[[u32; 3]]) -> Vec<bool> {
-    let mut open = vec![true; camera.width as usize * camera.height as usize];
-    cover(camera, points, faces, &mut open);
+    let size = [camera.width, camera.height].map(|pixels| pixels as usize);
+    let mut open = vec![true; size[0] * size[1]];
+    cover(size, &projected(camera, points), faces, &mut open, |_, _| true);
     open.into_iter().map(|is_open| !is_open).collect()
 }
 
-/// As [`covered_pixels`], the other way round and of some pixels only, which is faster: whether each pixel is one of `pixels`
-/// (row-major numbers; those beyond the image are skipped) that no triangle covers.
+/// The pixels at which points (world, metres) are seen; `None` at or behind the camera.
+pub fn projected(camera: &Camera, points: &[DVec3]) -> Vec<Option<DVec2>> {
+    let pixel = |point: &DVec3| {
+        let (pixel, depth) = camera.project(*point);
+        (depth > NEAR && pixel.is_finite()).then_some(pixel)
+    };
+    points.iter().map(pixel).collect()
+}
+
+/// As [`covered_pixels`], the other way round and of some pixels only, which is faster: whether each pixel of an image of
+/// this size is one of `pixels` (row-major numbers; those beyond the image are skipped) that no triangle between
+/// `corners`, which are [`projected`] points, covers.
 pub fn open_pixels(
-    camera: &Camera,
-    points: &[DVec3],
+    [width, height]: [usize; 2],
+    corners: &[Option<DVec2>],
     faces: &[[u32; 3]],
     pixels: impl IntoIterator<Item = usize>,
 ) -> Vec<bool> {
-    let mut open = vec![false; camera.width as usize * camera.height as usize];
-    for pixel in pixels {
-        if let Some(is_open) = open.get_mut(pixel) {
-            *is_open = true;
-        }
+    let mut open = vec![false; width * height];
+    // Most triangles are in cells without any of the pixels.
+    let columns = width.div_ceil(CELL);
+    let mut cells = vec![false; columns * height.div_ceil(CELL)];
+    for pixel in pixels.into_iter().filter(|pixel| *pixel < width * height) {
+        open[pixel] = true;
+        cells[pixel / width / CELL * columns + pixel % width / CELL] = true;
     }
-    cover(camera, points, faces, &mut open);
+    let may_be_open = |across: &Range<usize>, down: &Range<usize>| {
+        let [across, down] = [across, down].map(|range| range.start / CELL..(range.end - 1) / CELL + 1);
+        down.into_iter().any(|row| cells[row * columns..][across.clone()].contains(&true))
+    };
+    cover([width, height], corners, faces, &mut open, may_be_open);
     open
 }
 
-/// Closes the open pixels that triangles cover.
-fn cover(camera: &Camera, points: &[DVec3], faces: &[[u32; 3]], open: &mut [bool]) {
-    let (width, height) = (camera.width as usize, camera.height as usize);
-    let projected: Vec<Option<DVec2>> = points
-        .iter()
-        .map(|p| {
-            let (pixel, depth) = camera.project(*p);
-            (depth > NEAR && pixel.is_finite()).then_some(pixel)
-        })
-        .collect();
-    let corner = |i: u32| projected.get(i as usize).copied().flatten();
+/// Closes the open pixels that triangles cover. `may_be_open` may tell for pixels between columns and rows, at least one of
+/// each, that none is open.
+fn cover(
+    [width, height]: [usize; 2],
+    corners: &[Option<DVec2>],
+    faces: &[[u32; 3]],
+    open: &mut [bool],
+    may_be_open: impl Fn(&Range<usize>, &Range<usize>) -> bool,
+) {
+    let corner = |i: u32| corners.get(i as usize).copied().flatten();
     for [a, b, c] in faces {
         let (Some(a), Some(b), Some(c)) = (corner(*a), corner(*b), corner(*c)) else { continue };
         let (low, high) = (a.min(b).min(c), a.max(b).max(c));
@@ -57,7 +77,7 @@ fn cover(camera: &Camera, points: &[DVec3], faces: &[[u32; 3]], open: &mut [bool
         let rows = range(low.y, high.y, height);
         let area = (b - a).perp_dot(c - a);
         // Of a triangle without area, the neighbours share the edges.
-        if columns.is_empty() || rows.is_empty() || area == 0.0 {
+        if columns.is_empty() || rows.is_empty() || area == 0.0 || !may_be_open(&columns, &rows) {
             continue;
         }
         for y in rows {
@@ -88,7 +108,7 @@ mod tests {
         let points: Vec<DVec3> = points.iter().map(|p| DVec3::from(*p)).collect();
         let mask = covered_pixels(&camera(6, 4), &points, faces);
         let some = (0..24).step_by(3).chain([99]);
-        let open = open_pixels(&camera(6, 4), &points, faces, some);
+        let open = open_pixels([6, 4], &projected(&camera(6, 4), &points), faces, some);
         assert!((0..24).all(|pixel| open[pixel] == (pixel.is_multiple_of(3) && !mask[pixel])));
         mask.chunks(6).map(|row| row.iter().map(|i| if *i { '#' } else { '.' }).collect()).collect()
     }

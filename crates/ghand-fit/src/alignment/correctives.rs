@@ -40,13 +40,9 @@ impl VertexCorrectives {
         VertexCorrectives { first, all }
     }
 
-    fn of_vertex(&self, vertex: usize) -> &[OfJoint] {
+    /// Those of a vertex, by ascending joint.
+    pub fn of_vertex(&self, vertex: usize) -> &[OfJoint] {
         &self.all[self.first[vertex]..self.first[vertex + 1]]
-    }
-
-    /// How a vertex at rest moves with each entry of a joint's rotation, row by row; none if it does not.
-    pub fn get(&self, vertex: usize, joint: usize) -> Option<&[DVec3; FEATURES]> {
-        self.of_vertex(vertex).iter().find(|(own, _)| *own == joint).map(|(_, directions)| directions)
     }
 
     /// Adds the correctives of a pose to the vertices at rest.

@@ -1,6 +1,7 @@
 //! The normal equations of one frame: how its contours change with its pose and with the shape.
 
 use ghand_core::posing::PosedModel;
+use ghand_core::skeleton::Affine;
 use ghand_core::{Camera, InvalidHandModel, Pose};
 use glam::{DMat3, DVec3};
 use nalgebra::{DMatrix, DVector};
@@ -94,14 +95,14 @@ impl Rig<'_> {
                 cost += weight * point.residual.powi(2) * (1.0 - 0.5 * robust);
                 for (k, (i, a)) in row.iter().enumerate() {
                     gradient[*i] += weight * a * point.residual;
-                    // The lower triangle, column by column.
-                    row.iter().take(k + 1).for_each(|(j, b)| matrix[(*i, *j)] += weight * a * b);
+                    // The upper triangle, whose columns are contiguous.
+                    row.iter().take(k + 1).for_each(|(j, b)| matrix[(*j, *i)] += weight * a * b);
                 }
             }
         }
         for column in 0..count {
             for line in column + 1..count {
-                matrix[(column, line)] = matrix[(line, column)];
+                matrix[(line, column)] = matrix[(column, line)];
             }
         }
         let shared_count = count - pose_count;
@@ -121,36 +122,30 @@ impl Rig<'_> {
 pub struct VertexMotion<'a> {
     rig: &'a Rig<'a>,
     posed: &'a PosedModel,
-    /// Derivatives of the joints' posed positions, `[parameters][n_b]`.
-    d_origins: Vec<Vec<DVec3>>,
-    /// By vertex, once it is needed.
-    known: Vec<Option<Motion>>,
-}
-
-/// How a vertex moves.
-#[derive(Clone)]
-struct Motion {
-    /// By moving joint: the derivatives by its rotation about its parent's axes.
-    by_joint: Vec<[DVec3; 3]>,
-    /// By the shape's parameters.
-    by_shape: Vec<DVec3>,
+    /// By the shape's parameters: how a point at rest's origin moves that only one joint carries, `[parameters][n_b]`.
+    d_carried: Vec<Vec<DVec3>>,
+    /// By vertex, once it is needed: how it moves with each moving joint's rotation about its parent's three axes, then with
+    /// the shape's parameters.
+    known: Vec<Option<Vec<DVec3>>>,
 }
 
 impl<'a> VertexMotion<'a> {
     /// Of a posed hand.
     pub fn new(rig: &'a Rig<'a>, posed: &'a PosedModel) -> VertexMotion<'a> {
         let model = &rig.shaped.model;
-        let d_origins = |d_joints: &Vec<DVec3>| {
+        let world = &posed.chain.world;
+        let d_carried = |d_joints: &Vec<DVec3>| {
             let mut moved = d_joints.clone();
             for (k, parent) in model.parents.iter().enumerate() {
                 if let Some(p) = *parent {
-                    moved[k] = moved[p] + posed.chain.world[p].linear * (d_joints[k] - d_joints[p]);
+                    moved[k] = moved[p] + world[p].linear * (d_joints[k] - d_joints[p]);
                 }
             }
-            moved
+            let of_joint = |((moved, world), d): ((&DVec3, &Affine), &DVec3)| *moved - world.linear * *d;
+            moved.iter().zip(world).zip(d_joints).map(of_joint).collect()
         };
-        let d_origins = rig.shaped.d_joints.iter().map(d_origins).collect();
-        VertexMotion { rig, posed, d_origins, known: vec![None; model.vertices.len()] }
+        let d_carried = rig.shaped.d_joints.iter().map(d_carried).collect();
+        VertexMotion { rig, posed, d_carried, known: vec![None; model.vertices.len()] }
     }
 
     /// The non-zero derivatives of a contour point's residual, by ascending parameter.
@@ -167,15 +162,12 @@ impl<'a> VertexMotion<'a> {
                 row.push((parameter, value));
             }
         };
-        for (i, (a, b)) in a.by_joint.iter().zip(&b.by_joint).enumerate() {
-            (0..3).for_each(|axis| push(3 * i + axis, point.gradient.dot(0.5 * (a[axis] + b[axis]))));
-        }
         let translation = 3 * self.rig.moving.len();
+        let mean = |k: usize| point.gradient.dot(0.5 * (a[k] + b[k]));
+        (0..translation).for_each(|k| push(k, mean(k)));
         let gradient = point.gradient.to_array();
         gradient.into_iter().enumerate().for_each(|(axis, value)| push(translation + axis, value));
-        for (k, (a, b)) in a.by_shape.iter().zip(&b.by_shape).enumerate() {
-            push(translation + 3 + k, point.gradient.dot(0.5 * (*a + *b)));
-        }
+        (translation..a.len()).for_each(|k| push(k + 3, mean(k)));
     }
 
     /// The non-zero derivatives of a face point's position by the pose, by ascending parameter. The point is the mean of
@@ -188,49 +180,52 @@ impl<'a> VertexMotion<'a> {
             }
         }
         let [Some(a), Some(b), Some(c)] = corners.map(|vertex| self.known[vertex as usize].as_ref()) else { return };
-        for (i, ((a, b), c)) in a.by_joint.iter().zip(&b.by_joint).zip(&c.by_joint).enumerate() {
-            if [a, b, c].iter().all(|by| **by == [DVec3::ZERO; 3]) {
+        let translation = 3 * self.rig.moving.len();
+        for first in (0..translation).step_by(3) {
+            let axes = first..first + 3;
+            if [a, b, c].iter().all(|by| by[axes.clone()].iter().all(|d| *d == DVec3::ZERO)) {
                 continue;
             }
-            let mean = |axis: usize| weights[0] * a[axis] + weights[1] * b[axis] + weights[2] * c[axis];
-            row.extend((0..3).map(|axis| (3 * i + axis, mean(axis))));
+            row.extend(axes.map(|k| (k, weights[0] * a[k] + weights[1] * b[k] + weights[2] * c[k])));
         }
-        let translation = 3 * self.rig.moving.len();
         row.extend((0..3).map(|axis| (translation + axis, DVec3::AXES[axis])));
     }
 
-    fn of_vertex(&self, vertex: usize) -> Motion {
+    fn of_vertex(&self, vertex: usize) -> Vec<DVec3> {
         let model = &self.rig.shaped.model;
         let chain = &self.posed.chain;
-        let bound: Vec<(usize, f64)> =
-            model.vertex_weights(vertex).iter().copied().enumerate().filter(|(_, weight)| *weight > 0.0).collect();
+        let bound = self.rig.shaped.bound.of_vertex(vertex);
+        let mut correctives = self.rig.shaped.correctives.of_vertex(vertex).iter().peekable();
         let carried: Vec<DVec3> =
             bound.iter().map(|(j, _)| chain.posed_from_rest[*j].apply(self.posed.corrected[vertex])).collect();
         let blended: DMat3 = bound.iter().map(|(j, weight)| chain.world[*j].linear * *weight).sum();
-        let by_joint = |joint: &usize| -> [DVec3; 3] {
+        let mut by_joint = |joint: &usize| -> [DVec3; 3] {
             let origin = chain.world[*joint].translation;
             let moved = bound.iter().zip(&carried).filter(|((j, _), _)| self.rig.carries[*joint][*j]);
             let arm: DVec3 = moved.map(|((_, weight), at)| *weight * (*at - origin)).sum();
             let axes = model.parents[*joint].map_or(DMat3::IDENTITY, |parent| chain.world[parent].linear);
-            let corrected = self.by_corrective(vertex, *joint);
-            [0, 1, 2].map(|axis| axes.col(axis).cross(arm) + blended * corrected[axis])
+            let turned = [0, 1, 2].map(|axis| axes.col(axis).cross(arm));
+            // Both ascend; correctives of joints that do not move are passed over.
+            while correctives.next_if(|(own, _)| own < joint).is_some() {}
+            let Some((_, directions)) = correctives.next_if(|(own, _)| own == joint) else { return turned };
+            let corrected = self.by_corrective(directions, *joint);
+            std::array::from_fn(|axis| turned[axis] + blended * corrected[axis])
         };
-        let count = self.d_origins.len();
+        let count = self.d_carried.len();
         let d_vertices = &self.rig.shaped.d_vertices[vertex * count..][..count];
-        let by_shape = |k: usize| -> DVec3 {
-            let (d_vertex, d_joints) = (d_vertices[k], &self.rig.shaped.d_joints[k]);
-            let moved = |(j, weight): &(usize, f64)| {
-                *weight * (chain.world[*j].linear * (d_vertex - d_joints[*j]) + self.d_origins[k][*j])
-            };
-            bound.iter().map(moved).sum()
+        let by_shape = |(d_vertex, d_carried): (&DVec3, &Vec<DVec3>)| -> DVec3 {
+            let moved: DVec3 = bound.iter().map(|(j, weight)| *weight * d_carried[*j]).sum();
+            blended * *d_vertex + moved
         };
-        let by_joint = self.rig.moving.iter().map(by_joint).collect();
-        Motion { by_joint, by_shape: (0..count).map(by_shape).collect() }
+        let mut motion = Vec::with_capacity(3 * self.rig.moving.len() + count);
+        motion.extend(self.rig.moving.iter().flat_map(&mut by_joint));
+        motion.extend(d_vertices.iter().zip(&self.d_carried).map(by_shape));
+        motion
     }
 
-    /// How a vertex's pose corrective at rest changes with a joint's rotation about its parent's axes.
-    fn by_corrective(&self, vertex: usize, joint: usize) -> [DVec3; 3] {
-        let Some(directions) = self.rig.shaped.correctives.get(vertex, joint) else { return [DVec3::ZERO; 3] };
+    /// How a vertex's pose corrective at rest, with these directions of a joint, changes with that joint's rotation about its
+    /// parent's axes.
+    fn by_corrective(&self, directions: &[DVec3; FEATURES], joint: usize) -> [DVec3; 3] {
         let columns = self.posed.chain.local[joint].to_cols_array_2d();
         DVec3::AXES.map(|axis| {
             // A step turns the rotation's columns; the directions are by its rows.

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use ghand_core::bound_joints::BoundJoints;
 use ghand_core::posing::{PosedModel, pose_hand_corrected_by, shape_hand};
 use ghand_core::{HandModel, InvalidHandModel, Pose};
 use glam::{DMat3, DVec3};
@@ -23,6 +24,7 @@ pub struct Proportions {
     /// Direction of the bone that a joint carries; none for a joint with several children.
     bones: Vec<Option<DVec3>>,
     correctives: Arc<VertexCorrectives>,
+    bound: Arc<BoundJoints>,
 }
 
 /// A shape and its derivatives.
@@ -35,6 +37,8 @@ pub struct Shaped {
     pub d_joints: Vec<Vec<DVec3>>,
     /// The model's pose correctives, metres; no shape changes them.
     pub correctives: Arc<VertexCorrectives>,
+    /// The model's.
+    pub bound: Arc<BoundJoints>,
 }
 
 impl Shaped {
@@ -48,7 +52,7 @@ impl Shaped {
     /// # Errors
     /// [`InvalidHandModel`] if the pose does not fit the model.
     pub fn pose(&self, pose: &Pose) -> Result<PosedModel, InvalidHandModel> {
-        pose_hand_corrected_by(&self.model, pose, |chain, vertices| self.correctives.add(chain, vertices))
+        pose_hand_corrected_by(&self.model, &self.bound, pose, |chain, vertices| self.correctives.add(chain, vertices))
     }
 }
 
@@ -65,18 +69,24 @@ impl Proportions {
         };
         let bones = (0..model.joint_count()).map(bone).collect();
         let correctives = Arc::new(VertexCorrectives::new(&model));
+        let bound = Arc::new(BoundJoints::of(&model));
         model.pose_directions = vec![];
         let shape_directions = std::mem::take(&mut model.shape_directions);
         let bare =
             HandModel { shape_names: vec![], joint_directions: vec![], joint_regressor: vec![], ..model.clone() };
         model.shape_directions = shape_directions;
-        Proportions { model, bare, bones, correctives }
+        Proportions { model, bare, bones, correctives, bound }
     }
 
     /// The template as it came, its shape being known.
     pub fn as_given(&self) -> Shaped {
-        let correctives = self.correctives.clone();
-        Shaped { model: self.bare.clone(), d_vertices: vec![], d_joints: vec![], correctives }
+        Shaped {
+            model: self.bare.clone(),
+            d_vertices: vec![],
+            d_joints: vec![],
+            correctives: self.correctives.clone(),
+            bound: self.bound.clone(),
+        }
     }
 
     /// The template as it came, without pose directions.
@@ -123,15 +133,21 @@ impl Proportions {
             }
             moved
         };
-        let placed = |bound: &[(usize, f64)], vertex: DVec3, joints: &[DVec3], moved: &[DVec3]| -> DVec3 {
-            bound.iter().map(|(k, weight)| *weight * (moved[*k] + stretch[*k] * (vertex - joints[*k]))).sum()
+        // How the bones carry the model's origin, and from there a vertex of joints with these weights.
+        let carried = |joints: &[DVec3], moved: &[DVec3]| -> Vec<DVec3> {
+            moved.iter().zip(joints).zip(&stretch).map(|((moved, joint), stretch)| *moved - *stretch * *joint).collect()
         };
-        let bound = |v: usize| -> Vec<(usize, f64)> {
-            model.vertex_weights(v).iter().copied().enumerate().filter(|(_, weight)| *weight > 0.0).collect()
+        let stretched = |bound: &[(usize, f64)]| -> DMat3 { bound.iter().map(|(k, weight)| stretch[*k] * *weight).sum() };
+        let at = |bound: &[(usize, f64)], stretched: &DMat3, vertex: DVec3, carried: &[DVec3]| -> DVec3 {
+            *stretched * vertex + bound.iter().map(|(k, weight)| *weight * carried[*k]).sum::<DVec3>()
         };
         let joints = moved(&hand.joints, &hand.joints);
-        let vertices: Vec<DVec3> =
-            (0..hand.vertices.len()).map(|v| placed(&bound(v), hand.vertices[v], &hand.joints, &joints)).collect();
+        let origins = carried(&hand.joints, &joints);
+        let placed = |v: usize| {
+            let bound = self.bound.of_vertex(v);
+            at(bound, &stretched(bound), hand.vertices[v], &origins)
+        };
+        let vertices: Vec<DVec3> = (0..hand.vertices.len()).map(placed).collect();
         let none = shape_hand(model, &[])?;
         let by_own = |k: usize| -> Result<OwnDerivative, InvalidHandModel> {
             let mut unit = vec![0.0; own.len()];
@@ -139,7 +155,8 @@ impl Proportions {
             let one = shape_hand(model, &unit)?;
             let d_own = one.vertices.iter().zip(&none.vertices).map(|(a, b)| *a - *b).collect();
             let d_rest: Vec<DVec3> = one.joints.iter().zip(&none.joints).map(|(a, b)| *a - *b).collect();
-            Ok(OwnDerivative { vertices: d_own, moved: moved(&d_rest, &d_rest), joints: d_rest })
+            let moved = moved(&d_rest, &d_rest);
+            Ok(OwnDerivative { vertices: d_own, carried: carried(&d_rest, &moved), moved })
         };
         let of_own: Vec<OwnDerivative> = (0..own.len()).into_par_iter().map(by_own).collect::<Result<_, _>>()?;
         let by_bone = |(parameter, logarithm): (usize, &f64)| -> BoneDerivative {
@@ -162,8 +179,9 @@ impl Proportions {
         };
         let of_bones: Vec<BoneDerivative> = bones.iter().enumerate().map(by_bone).collect();
         let of_vertex = |v: usize| {
-            let bound = bound(v);
-            let by_own = of_own.iter().map(|d| placed(&bound, d.vertices[v], &d.joints, &d.moved));
+            let bound = self.bound.of_vertex(v);
+            let stretched = stretched(bound);
+            let by_own = of_own.iter().map(|d| at(bound, &stretched, d.vertices[v], &d.carried));
             let by_bone = of_bones.iter().enumerate().map(|(parameter, d)| {
                 let k = parameter / 2;
                 let carried: DVec3 = bound.iter().map(|(joint, weight)| *weight * d.d_joints[*joint]).sum();
@@ -174,15 +192,16 @@ impl Proportions {
         let d_vertices: Vec<Vec<DVec3>> = (0..vertices.len()).into_par_iter().map(of_vertex).collect();
         let d_joints = of_own.into_iter().map(|d| d.moved).chain(of_bones.into_iter().map(|d| d.d_joints)).collect();
         let shaped = HandModel { vertices, joints, ..self.bare.clone() };
-        Ok(Shaped { model: shaped, d_vertices: d_vertices.concat(), d_joints, correctives: self.correctives.clone() })
+        let (correctives, bound) = (self.correctives.clone(), self.bound.clone());
+        Ok(Shaped { model: shaped, d_vertices: d_vertices.concat(), d_joints, correctives, bound })
     }
 }
 
-/// Derivatives by a parameter of the model's own shape: of vertices and joints at rest, and of where bones carry the joints.
+/// Derivatives by a parameter of the model's own shape: of vertices at rest, and of where bones carry joints and the origin.
 struct OwnDerivative {
     vertices: Vec<DVec3>,
-    joints: Vec<DVec3>,
     moved: Vec<DVec3>,
+    carried: Vec<DVec3>,
 }
 
 /// Derivatives by a bone's length or thickness.

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use ghand_capture::mask::open_pixels;
+use ghand_capture::mask::{open_pixels, projected};
 use ghand_core::{Camera, HandModel};
 use ghand_hand_model::surface::arm_end::{ArmEnd, ArmEndInImage};
 use glam::{DVec2, DVec3};
@@ -85,9 +85,13 @@ impl Edges {
     ) -> Vec<ContourPoint> {
         let center = camera.center();
         let corner = |i: u32| positions[i as usize];
-        let is_front: Vec<bool> = (self.triangles.iter())
-            .map(|&[a, b, c]| (corner(b) - corner(a)).cross(corner(c) - corner(a)).dot(center - corner(a)) > 0.0)
-            .collect();
+        let pixels = projected(camera, positions);
+        let is_front = |&[a, b, c]: &[u32; 3]| match [a, b, c].map(|v| pixels[v as usize]) {
+            // Counter-clockwise from outside is clockwise where y points down.
+            [Some(a), Some(b), Some(c)] => (b - a).perp_dot(c - a) < 0.0,
+            _ => (corner(b) - corner(a)).cross(corner(c) - corner(a)).dot(center - corner(a)) > 0.0,
+        };
+        let is_front: Vec<bool> = self.triangles.iter().map(is_front).collect();
         let front: Vec<[u32; 3]> =
             self.triangles.iter().zip(&is_front).filter(|(_, front)| **front).map(|(t, _)| *t).collect();
         let arm = self.arm_end(positions, camera);
@@ -122,7 +126,8 @@ impl Edges {
             Some((pixel_at(outside, camera), point))
         };
         let points: Vec<(usize, ContourPoint)> = self.edges.iter().filter_map(point).collect();
-        let open = open_pixels(camera, positions, &front, points.iter().map(|(pixel, _)| *pixel));
+        let size = [camera.width, camera.height].map(|pixels| pixels as usize);
+        let open = open_pixels(size, &pixels, &front, points.iter().map(|(pixel, _)| *pixel));
         points.into_iter().filter(|(pixel, _)| open[*pixel]).map(|(_, point)| point).collect()
     }
 }
