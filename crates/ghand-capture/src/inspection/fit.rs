@@ -6,7 +6,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::overlap::iou;
-use crate::capture::{Capture, Frame};
+use crate::capture::Capture;
 use crate::error::CaptureError;
 use crate::images::mask_values::MaskSort;
 use crate::images::view::View;
@@ -49,15 +49,23 @@ pub struct ViewFit {
 /// [`CaptureError::HandModel`] if shape or pose do not match the hand model, [`CaptureError::Invalid`] if there is no
 /// such frame.
 pub fn posed_template(capture: &Capture, frame: usize) -> Result<(Vec<DVec3>, Option<Vec<DVec3>>), CaptureError> {
-    let Frame { pose, shape, .. } = capture.frame(frame)?;
-    let posed = |pose: &Pose| {
-        let posed = pose_hand(&capture.hand_model, shape, pose);
-        posed
-            .map(|hand| hand.vertices)
-            .map_err(|source| CaptureError::HandModel { path: capture.root.clone(), source: source.into() })
-    };
-    let truth = true_pose(capture, frame).map(posed).transpose()?;
-    Ok((posed(pose)?, truth))
+    let truth = true_pose(capture, frame).map(|pose| template_in(capture, frame, pose)).transpose()?;
+    Ok((given_template(capture, frame)?, truth))
+}
+
+/// The vertices of [`posed_template`] in the frame's own pose alone.
+///
+/// # Errors
+/// As for [`posed_template`].
+pub(super) fn given_template(capture: &Capture, frame: usize) -> Result<Vec<DVec3>, CaptureError> {
+    template_in(capture, frame, &capture.frame(frame)?.pose)
+}
+
+fn template_in(capture: &Capture, frame: usize, pose: &Pose) -> Result<Vec<DVec3>, CaptureError> {
+    match pose_hand(&capture.hand_model, &capture.frame(frame)?.shape, pose) {
+        Ok(hand) => Ok(hand.vertices),
+        Err(source) => Err(CaptureError::HandModel { path: capture.root.clone(), source: source.into() }),
+    }
 }
 
 /// The true pose of a frame, if known.

@@ -2,6 +2,7 @@
 //! make it fit.
 
 use std::collections::BTreeMap;
+use std::sync::OnceLock;
 
 use ghand_core::Camera;
 use ghand_core::statistics::median;
@@ -9,7 +10,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::ViewFit;
-use super::fit::posed_template;
+use super::fit::given_template;
 use super::overlap::iou;
 use crate::capture::Capture;
 use crate::mask::covered_pixels;
@@ -88,13 +89,14 @@ pub(super) fn wrong_cameras(capture: &Capture, views: &[&ViewFit]) -> (Vec<Wrong
     let others = |except: &[usize]| -> Vec<f64> {
         medians.iter().filter(|(camera, _)| !except.contains(camera)).map(|(_, m)| *m).collect()
     };
+    let hand = &Templates::of(capture);
     let mut wrong = vec![];
     for &camera in &poor {
         let overlap = medians.get(&camera).copied().unwrap_or_default();
         let seen = seen_by(capture, views, camera, MOST_VIEWS);
         let best = alternatives(capture, camera, &poor)
             .into_iter()
-            .map(|cause| (median(seen.iter().filter_map(|seen| seen.fit(capture, camera, &cause))), cause))
+            .map(|cause| (median(seen.iter().filter_map(|seen| seen.fit(hand, camera, &cause))), cause))
             .max_by(|a, b| a.0.total_cmp(&b.0));
         let rest = others(&[camera]);
         let least = EXPLAINED.max(NEARLY * median(rest.clone())).max(overlap + GAIN);
@@ -115,7 +117,7 @@ pub(super) fn wrong_cameras(capture: &Capture, views: &[&ViewFit]) -> (Vec<Wrong
         .collect();
     let found: Vec<(usize, f64, Pairing)> = unsure
         .par_iter()
-        .filter_map(|&(camera, overlap)| Some((camera, overlap, Pairing::of(capture, views, camera)?)))
+        .filter_map(|&(camera, overlap)| Some((camera, overlap, Pairing::of(hand, views, camera)?)))
         .collect();
     // Where the pose of a frame is off, another one may fit all cameras better: a fault of few cameras is one that others lack.
     let is_shared = |cause: &Cause| {
@@ -126,7 +128,7 @@ pub(super) fn wrong_cameras(capture: &Capture, views: &[&ViewFit]) -> (Vec<Wrong
         .iter()
         .filter(|(camera, overlap, pairing)| {
             let others: Vec<usize> = medians.keys().copied().filter(|other| other != camera).collect();
-            let is_own = || pairing.gain >= pairing.gain_of(capture, &others) + LATE_GAIN;
+            let is_own = || pairing.gain >= pairing.gain_of(hand, &others) + LATE_GAIN;
             pairing.fit >= overlap + LATE_GAIN && (is_shared(&pairing.cause) || is_own())
         })
         .map(|(camera, overlap, Pairing { cause, fit, .. })| WrongCamera {
@@ -200,14 +202,14 @@ struct Pairing {
 }
 
 impl Pairing {
-    fn of(capture: &Capture, views: &[&ViewFit], camera: usize) -> Option<Pairing> {
-        let seen = seen_by(capture, views, camera, 2 * LATE_VIEWS);
-        let as_is: Vec<Option<f64>> = seen.iter().map(|seen| seen.fit(capture, camera, &Cause::Unknown)).collect();
+    fn of(hand: &Templates, views: &[&ViewFit], camera: usize) -> Option<Pairing> {
+        let seen = seen_by(hand.capture, views, camera, 2 * LATE_VIEWS);
+        let as_is: Vec<Option<f64>> = seen.iter().map(|seen| seen.fit(hand, camera, &Cause::Unknown)).collect();
         let late = (-MOST_LATE..=MOST_LATE).filter(|late| *late != 0).map(Cause::Late);
         let tried = late.chain(RATES.map(Cause::Rate)).filter_map(|cause| {
             let other = seen.iter().zip(&as_is).filter(|(seen, _)| seen.paired(&cause) != Some(seen.frame));
             let pairs: Vec<(usize, [f64; 2])> = other
-                .filter_map(|(seen, as_is)| Some((seen.frame, [(*as_is)?, seen.fit(capture, camera, &cause)?])))
+                .filter_map(|(seen, as_is)| Some((seen.frame, [(*as_is)?, seen.fit(hand, camera, &cause)?])))
                 .collect();
             let better = pairs.iter().filter(|(_, [a, b])| *b > a + LATE_GAIN / 2.0).count();
             let gain = median(pairs.iter().map(|(_, [a, b])| b - a));
@@ -220,12 +222,12 @@ impl Pairing {
     }
 
     /// What the same would gain in other cameras: the median of some of them, in the same frames; 0 without any.
-    fn gain_of(&self, capture: &Capture, others: &[usize]) -> f64 {
+    fn gain_of(&self, hand: &Templates, others: &[usize]) -> f64 {
         let step = others.len().div_ceil(MOST_OTHERS).max(1);
         let gain_in = |camera: &usize| {
             let gains = self.frames.par_iter().filter_map(|frame| {
-                let seen = Seen::of(capture, *camera, *frame)?;
-                Some(seen.fit(capture, *camera, &self.cause)? - seen.fit(capture, *camera, &Cause::Unknown)?)
+                let seen = Seen::of(hand.capture, *camera, *frame)?;
+                Some(seen.fit(hand, *camera, &self.cause)? - seen.fit(hand, *camera, &Cause::Unknown)?)
             });
             let gains: Vec<f64> = gains.collect();
             (!gains.is_empty()).then(|| median(gains))
@@ -234,17 +236,32 @@ impl Pairing {
     }
 }
 
-/// The mask of an image and the template's vertices in its frame (world, metres).
+/// The template in a capture's frames, in each of which it is posed once.
+struct Templates<'a> {
+    capture: &'a Capture,
+    posed: Vec<OnceLock<Option<Vec<DVec3>>>>,
+}
+
+impl Templates<'_> {
+    fn of(capture: &Capture) -> Templates<'_> {
+        Templates { capture, posed: capture.frames.iter().map(|_| OnceLock::new()).collect() }
+    }
+
+    /// Its vertices in a frame, world, metres.
+    fn vertices(&self, frame: usize) -> Option<&[DVec3]> {
+        self.posed.get(frame)?.get_or_init(|| given_template(self.capture, frame).ok()).as_deref()
+    }
+}
+
+/// The mask of an image.
 struct Seen {
     frame: usize,
     mask: Vec<bool>,
-    vertices: Vec<DVec3>,
 }
 
 impl Seen {
     fn of(capture: &Capture, camera: usize, frame: usize) -> Option<Seen> {
-        let mask = capture.load_hand_mask(camera, frame).ok()?;
-        Some(Seen { frame, mask, vertices: posed_template(capture, frame).ok()?.0 })
+        Some(Seen { frame, mask: capture.load_hand_mask(camera, frame).ok()? })
     }
 
     /// The frame whose pose the image shows if the camera has this fault.
@@ -257,7 +274,8 @@ impl Seen {
     }
 
     /// How well the template overlaps the mask if the camera has this fault, which is undone.
-    fn fit(&self, capture: &Capture, camera: usize, cause: &Cause) -> Option<f64> {
+    fn fit(&self, hand: &Templates, camera: usize, cause: &Cause) -> Option<f64> {
+        let capture = hand.capture;
         let own = capture.cameras.get(camera)?;
         let width = own.width as usize;
         let mut mask = self.mask.clone();
@@ -280,9 +298,7 @@ impl Seen {
             Cause::Swapped(other) => seen_by = capture.cameras.get(*other)?.clone(),
             Cause::Late(_) | Cause::Rate(_) | Cause::Unknown => {}
         }
-        let frame = self.paired(cause)?;
-        let other = if frame == self.frame { None } else { Some(posed_template(capture, frame).ok()?.0) };
-        let vertices = other.as_ref().unwrap_or(&self.vertices);
+        let vertices = hand.vertices(self.paired(cause)?)?;
         iou(&mask, &covered_pixels(&seen_by, vertices, &capture.hand_model.faces))
     }
 }
