@@ -17,17 +17,24 @@ pub(super) fn lattice(x: i64, y: i64, z: i64, seed: u64) -> f64 {
 /// Value noise in `[-1, 1]` with features of about `size` (the unit of `p`).
 pub(super) fn noise(p: DVec3, size: f64, seed: u64) -> f64 {
     let q = p / size;
-    let base = q.floor();
-    let f = q - base;
+    let base = q.to_array().map(floor);
+    let f = q - DVec3::from(base.map(|v| v as f64));
     let f = f * f * (DVec3::splat(3.0) - 2.0 * f);
-    let [x, y, z] = base.to_array().map(|v| v as i64);
+    let [x, y, z] = base;
+    let parts = f.to_array().map(|t| [1.0 - t, t]);
     let mut sum = 0.0;
     for corner in 0..8 {
-        let (dx, dy, dz) = (corner & 1, corner >> 1 & 1, corner >> 2 & 1);
-        let part = |d: i64, t: f64| if d == 1 { t } else { 1.0 - t };
-        sum += part(dx, f.x) * part(dy, f.y) * part(dz, f.z) * lattice(x + dx, y + dy, z + dz, seed);
+        let [dx, dy, dz] = [corner & 1, corner >> 1 & 1, corner >> 2 & 1];
+        let part = parts[0][dx] * parts[1][dy] * parts[2][dz];
+        sum += part * lattice(x + dx as i64, y + dy as i64, z + dz as i64, seed);
     }
     2.0 * sum - 1.0
+}
+
+/// The largest whole number that is not above `v`; faster than the one of the platform's library.
+fn floor(v: f64) -> i64 {
+    let near = v as i64;
+    near - i64::from(near as f64 > v)
 }
 
 /// Three octaves of [`noise`], in `[-1, 1]`, the largest of `size`.

@@ -115,7 +115,11 @@ impl Distortion {
     pub fn undistorted_ray(&self, seen: DVec2) -> Option<DVec2> {
         let mut ray = seen;
         for _ in 0..INVERSE_STEPS {
-            ray = (seen - self.sideways(ray)) / self.radial_part(ray.length_squared()).0;
+            let next = (seen - self.sideways(ray)) / self.radial_part(ray.length_squared()).0;
+            if next == ray {
+                break;
+            }
+            ray = next;
         }
         (self.distorted(ray).distance(seen) < INVERSE_ERROR).then_some(ray)
     }
@@ -174,21 +178,19 @@ impl Source<'_> {
     }
 
     fn sample(&self, pixels: &[[u8; 4]], at: DVec2) -> [u8; 4] {
-        let last = self.size - DVec2::ONE;
-        let at = (at - DVec2::splat(0.5)).clamp(DVec2::ZERO, last);
-        let low = at.floor();
-        let part = at - low;
-        let high = (low + DVec2::ONE).min(last);
-        let pixel = |x: f64, y: f64| {
-            let pixel = pixels.get(y as usize * self.camera.width as usize + x as usize);
-            pixel.copied().unwrap_or_default().map(f64::from)
-        };
-        let corners = [pixel(low.x, low.y), pixel(high.x, low.y), pixel(low.x, high.y), pixel(high.x, high.y)];
+        let at = (at - DVec2::splat(0.5)).clamp(DVec2::ZERO, self.size - DVec2::ONE);
+        let [x, y] = at.to_array().map(|v| v as usize);
+        let (u, v) = (at.x - x as f64, at.y - y as f64);
+        let [width, height] = [self.camera.width, self.camera.height].map(|size| size as usize);
+        let (right, below) = ((x + 1).min(width - 1), (y + 1).min(height - 1));
+        let pixel = |x: usize, y: usize| pixels.get(y * width + x).copied().unwrap_or_default().map(f64::from);
+        let corners = [pixel(x, y), pixel(right, y), pixel(x, below), pixel(right, below)];
         std::array::from_fn(|i| {
             let [a, b, c, d] = corners.map(|corner| corner[i]);
-            let top = a + (b - a) * part.x;
-            let bottom = c + (d - c) * part.x;
-            (top + (bottom - top) * part.y).round().clamp(0.0, 255.0) as u8
+            let top = a + (b - a) * u;
+            let bottom = c + (d - c) * u;
+            // To the nearest: the values are not negative.
+            (top + (bottom - top) * v + 0.5) as u8
         })
     }
 }

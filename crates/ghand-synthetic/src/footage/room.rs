@@ -1,6 +1,8 @@
 //! The room around the arm: a desk with things on it from wall to wall, walls with pictures, a ceiling. All cameras see
 //! the same one.
 
+use std::sync::OnceLock;
+
 use ghand_core::Camera;
 use glam::{DVec2, DVec3, Vec3};
 use rayon::prelude::*;
@@ -14,6 +16,8 @@ const WALL: f64 = 1.6;
 const CEILING: f64 = -1.4;
 /// Edge of a texel, metres: what a pixel of usual cameras sees behind the hand.
 const TEXEL: f64 = 0.002;
+/// Texels along a tile.
+const TILE: usize = 32;
 /// Things on the desk and pictures on each wall.
 const DESK_THINGS: i64 = 140;
 const PICTURES: i64 = 14;
@@ -24,35 +28,44 @@ const PICTURE_SCALE: f64 = 1.6;
 const PAINTS: [[f64; 3]; 4] = [[0.70, 0.70, 0.68], [0.60, 0.66, 0.68], [0.72, 0.68, 0.58], [0.56, 0.60, 0.56]];
 const WHITE: Vec3 = Vec3::new(0.82, 0.82, 0.80);
 
-/// Colours of a rectangle.
+/// Display colour of a place on a plate, metres from its corner.
+type Paint = Box<dyn Fn(DVec2) -> DVec3 + Send + Sync>;
+
+/// Colours of a rectangle, painted where somebody looks.
 struct Plate {
-    columns: usize,
-    /// Row-major display colours.
-    texels: Vec<Vec3>,
+    /// Columns and rows of texels.
+    size: [usize; 2],
+    paint: Paint,
+    /// Row-major tiles of row-major display colours.
+    tiles: Vec<OnceLock<Vec<Vec3>>>,
 }
 
 impl Plate {
     /// A plate of a size in metres with the colour at each place of it.
-    fn painted(size: DVec2, color: impl Fn(DVec2) -> DVec3 + Sync) -> Plate {
-        let [columns, rows] = (size / TEXEL).to_array().map(|count| count.ceil() as usize);
+    fn painted(size: DVec2, paint: impl Fn(DVec2) -> DVec3 + Send + Sync + 'static) -> Plate {
+        let size = (size / TEXEL).to_array().map(|count| count.ceil() as usize);
+        let tiles = (0..size[0].div_ceil(TILE) * size[1].div_ceil(TILE)).map(|_| OnceLock::new()).collect();
+        Plate { size, paint: Box::new(paint), tiles }
+    }
+
+    fn texel(&self, x: usize, y: usize) -> Vec3 {
+        let [column, row] = [x / TILE, y / TILE];
         let texel = |i: usize| {
-            let place = DVec2::new((i % columns) as f64 + 0.5, (i / columns) as f64 + 0.5) * TEXEL;
-            color(place).clamp(DVec3::ZERO, DVec3::ONE).as_vec3()
+            let at = [column * TILE + i % TILE, row * TILE + i / TILE];
+            let place = DVec2::from(at.map(|at| at as f64 + 0.5)) * TEXEL;
+            (self.paint)(place).clamp(DVec3::ZERO, DVec3::ONE).as_vec3()
         };
-        Plate { columns, texels: (0..columns * rows).into_par_iter().map(texel).collect() }
+        let tile = &self.tiles[row * self.size[0].div_ceil(TILE) + column];
+        tile.get_or_init(|| (0..TILE * TILE).map(texel).collect())[y % TILE * TILE + x % TILE]
     }
 
     /// The colour at a place, interpolated; beyond its edges that of the edge.
     fn color(&self, place: DVec2) -> Vec3 {
-        let rows = self.texels.len() / self.columns;
-        let last = DVec2::new(self.columns as f64 - 1.001, rows as f64 - 1.001);
+        let last = DVec2::from(self.size.map(|count| count as f64 - 1.001));
         let at = (place / TEXEL - 0.5).clamp(DVec2::ZERO, last);
         let (x, y) = (at.x as usize, at.y as usize);
         let part = (at - at.floor()).as_vec2();
-        let row = |y: usize| {
-            let start = y * self.columns + x;
-            self.texels[start].lerp(self.texels[start + 1], part.x)
-        };
+        let row = |y: usize| self.texel(x, y).lerp(self.texel(x + 1, y), part.x);
         row(y).lerp(row(y + 1), part.y)
     }
 }
@@ -68,10 +81,10 @@ impl Room {
     /// A room with its things by the seed.
     pub(crate) fn furnished(seed: u64) -> Room {
         let seed = seed ^ 0x2008;
-        let light = |place: DVec2, seed: u64| 1.0 + 0.06 * fractal(place.extend(3.0), 0.5, seed);
+        let light = move |place: DVec2, seed: u64| 1.0 + 0.06 * fractal(place.extend(3.0), 0.5, seed);
         let floor = DVec2::splat(2.0 * WALL);
         let things = Things::scattered(DESK_THINGS, floor / THING_SCALE, seed);
-        let desk = Plate::painted(floor, |place| {
+        let desk = Plate::painted(floor, move |place| {
             let color = things.color(place / THING_SCALE).unwrap_or_else(|| wood(place, seed));
             // Farther from the lamp above its middle it is darker.
             color * light(place, seed) * (1.0 - 0.10 * (place - 0.5 * floor).length())
@@ -81,7 +94,7 @@ impl Room {
             let seed = seed.wrapping_add(1 + k as u64);
             let paint = DVec3::from(PAINTS[(lattice(k as i64, 0, 0, seed) * PAINTS.len() as f64) as usize]);
             let pictures = Things::scattered(PICTURES, size / PICTURE_SCALE, seed);
-            Plate::painted(size, |place| {
+            Plate::painted(size, move |place| {
                 let color = pictures.color(place / PICTURE_SCALE).unwrap_or(paint);
                 color * light(place, seed) * (0.95 - 0.12 * place.y)
             })

@@ -93,10 +93,17 @@ impl Thing {
 
     fn color(&self, place: DVec2) -> Option<DVec3> {
         let offset = place - self.middle;
+        // Far from most things; the rest is exact.
+        if offset.length_squared() > 1.001 * self.half.length_squared() {
+            return None;
+        }
         let local = DVec2::new(offset.dot(self.along), offset.perp_dot(self.along)) / self.half;
         let is_inside = if self.is_round { local.length() < 1.0 } else { local.abs().max_element() < 1.0 };
+        if !is_inside {
+            return None;
+        }
         let stripe = 1.0 - self.stripes * f64::from(u8::from((local.x * 5.0).rem_euclid(2.0) < 0.7));
-        is_inside.then(|| self.color * stripe * (1.0 + 0.06 * noise(place.extend(0.0), 0.012, self.seed)))
+        Some(self.color * stripe * (1.0 + 0.06 * noise(place.extend(0.0), 0.012, self.seed)))
     }
 }
 
