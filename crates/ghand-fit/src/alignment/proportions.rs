@@ -137,7 +137,8 @@ impl Proportions {
         let carried = |joints: &[DVec3], moved: &[DVec3]| -> Vec<DVec3> {
             moved.iter().zip(joints).zip(&stretch).map(|((moved, joint), stretch)| *moved - *stretch * *joint).collect()
         };
-        let stretched = |bound: &[(usize, f64)]| -> DMat3 { bound.iter().map(|(k, weight)| stretch[*k] * *weight).sum() };
+        let stretched =
+            |bound: &[(usize, f64)]| -> DMat3 { bound.iter().map(|(k, weight)| stretch[*k] * *weight).sum() };
         let at = |bound: &[(usize, f64)], stretched: &DMat3, vertex: DVec3, carried: &[DVec3]| -> DVec3 {
             *stretched * vertex + bound.iter().map(|(k, weight)| *weight * carried[*k]).sum::<DVec3>()
         };

@@ -59,8 +59,8 @@ impl PointsFactor {
             }
             for i in later(k) {
                 for j in later(k) {
-                    let product = matrix.fixed_view::<3, 3>(3 * i, 3 * k)
-                        * matrix.fixed_view::<3, 3>(3 * j, 3 * k).transpose();
+                    let product =
+                        matrix.fixed_view::<3, 3>(3 * i, 3 * k) * matrix.fixed_view::<3, 3>(3 * j, 3 * k).transpose();
                     let mut rest = matrix.fixed_view_mut::<3, 3>(3 * i, 3 * j);
                     rest -= product;
                 }

@@ -18,7 +18,8 @@ const DEEPEST: f64 = 0.002;
 
 #[test]
 fn no_motion_is_inside_itself() {
-    for side in [Side::Right, Side::Left] {
+    // The left hand's are mirrored.
+    for side in [Side::Right, Side::Left].into_iter().take(cases(1, 2)) {
         let model = builtin_hand(side).unwrap();
         for name in MOTION_NAMES {
             let frames = motion(name, &model, 30.0).unwrap().unwrap().frames;
