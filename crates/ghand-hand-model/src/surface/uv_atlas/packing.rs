@@ -96,8 +96,14 @@ fn place_all(charts: &[Chart], upright: &[(usize, Vec<DVec2>)], scale: f64, grid
             let highest = best.as_ref().map_or(usize::MAX, |(top, ..)| *top);
             let mut rows = start..=grid - GUTTER - bitmap.rows;
             let place = rows.by_ref().take_while(|row| row + bitmap.rows < highest).find_map(|row| {
-                let mut columns = GUTTER..=grid - GUTTER - bitmap.columns;
-                columns.find(|&column| !taken.collides(&bitmap, row, column)).map(|column| (row, column))
+                let mut column = GUTTER;
+                while column <= grid - GUTTER - bitmap.columns {
+                    match taken.collision(&bitmap, row, column) {
+                        0 => return Some((row, column)),
+                        columns => column += columns,
+                    }
+                }
+                None
             });
             if let Some((row, column)) = place {
                 best = Some((row + bitmap.rows, row, column, bitmap, points));
@@ -168,14 +174,32 @@ impl Bitmap {
         })
     }
 
-    /// Whether `other`, with its corner at that row and column, shares a cell with this one.
-    fn collides(&self, other: &Bitmap, row: usize, column: usize) -> bool {
+    /// By how many columns `other`, with its corner at that row and column, must at least move to the right not to share a
+    /// cell with this one that it shares now; 0 if it shares none.
+    fn collision(&self, other: &Bitmap, row: usize, column: usize) -> usize {
         // Wide parts collide first; they tend to be in the middle.
         let middle = other.rows / 2;
-        (middle..other.rows).chain(0..middle).any(|k| {
+        let shared = (middle..other.rows).chain(0..middle).find_map(|k| {
             let taken = self.row(row + k);
-            other.shifted(k, column).any(|(at, word)| word != 0 && taken[at] & word != 0)
-        })
+            let words = other.shifted(k, column).map(|(at, word)| (at, if word == 0 { 0 } else { taken[at] & word }));
+            let (at, word) = words.filter(|(_, word)| *word != 0).last()?;
+            Some((k, 64 * at + 63 - word.leading_zeros() as usize - column))
+        });
+        shared.map_or(0, |(k, cell)| other.run_before(k, cell))
+    }
+
+    /// Length of the run of set cells of a row that ends with a set one.
+    fn run_before(&self, row: usize, last: usize) -> usize {
+        let words = self.row(row);
+        let mut run = 0;
+        loop {
+            let at = last - run;
+            let ones = (words[at / 64] << (63 - at % 64)).leading_ones() as usize;
+            run += ones;
+            if ones <= at % 64 || at < 64 {
+                return run;
+            }
+        }
     }
 
     /// Occupies the cells of `other`, with its corner at that row and column, and those within the gutter around them.
@@ -188,6 +212,44 @@ impl Bitmap {
                             self.words[to * self.width + at] |= word;
                         }
                     }
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A grid and its cells, set where a hash of their number is below a part of 16.
+    fn drawn(rows: usize, columns: usize, part: u64, seed: u64) -> (Bitmap, Vec<Vec<bool>>) {
+        let mut bitmap = Bitmap::new(rows, columns);
+        let hash = |i: u64| (i + seed).wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 60;
+        let cells: Vec<Vec<bool>> =
+            (0..rows).map(|y| (0..columns).map(|x| hash((y * columns + x) as u64) < part).collect()).collect();
+        for (y, row) in cells.iter().enumerate() {
+            (0..columns).filter(|x| row[*x]).for_each(|x| bitmap.set(y, x, x));
+        }
+        (bitmap, cells)
+    }
+
+    #[test]
+    fn a_collision_passes_over_columns_that_collide_and_no_others() {
+        for seed in 0..20 {
+            // Charts of one to three words, sparse and dense, over sparse cells.
+            let (chart, chart_cells) = drawn(5, 40 + 8 * seed as usize, 4 + 12 * (seed % 2), 1000 * seed);
+            let (taken, taken_cells) = drawn(20, 400, seed % 3, 77 * seed);
+            let collides = |row: usize, column: usize| {
+                let mut cells = (0..chart.rows).flat_map(|y| (0..chart.columns).map(move |x| (y, x)));
+                cells.any(|(y, x)| chart_cells[y][x] && taken_cells[row + y][column + x])
+            };
+            for row in 0..15 {
+                for column in 0..400 - chart.columns {
+                    let advance = taken.collision(&chart, row, column);
+                    assert_eq!(advance > 0, collides(row, column), "{seed} {row} {column}");
+                    let passed = column..(column + advance).min(400 - chart.columns);
+                    assert!(passed.into_iter().all(|column| collides(row, column)), "{seed} {row} {column}");
                 }
             }
         }
