@@ -122,7 +122,7 @@ impl Rig<'_> {
 pub struct VertexMotion<'a> {
     rig: &'a Rig<'a>,
     posed: &'a PosedModel,
-    /// By the shape's parameters: how a point at rest's origin moves that only one joint carries, `[parameters][n_b]`.
+    /// By the shape's parameters: how a point at the origin at rest moves if one joint alone carries it, `[parameters][n_b]`.
     d_carried: Vec<Vec<DVec3>>,
     /// By vertex, once it is needed: how it moves with each moving joint's rotation about its parent's three axes, then with
     /// the shape's parameters.
