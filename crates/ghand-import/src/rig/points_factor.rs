@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, Dim, Dyn, Matrix, Matrix3, StorageMut};
 use super::LANDMARKS;
 use super::lengths::BONES;
 
-/// Each after all that depend on no other than it and those after it: fingertips first, the wrist last.
+/// Order of elimination: from fingertips to the wrist, so that only blocks between knuckles are added.
 const ORDER: [usize; LANDMARKS] = [4, 3, 2, 1, 8, 7, 6, 12, 11, 10, 16, 15, 14, 20, 19, 18, 9, 13, 5, 17, 0];
 
 /// For each landmark of [`ORDER`] those after it with which it has a block in the factor.
