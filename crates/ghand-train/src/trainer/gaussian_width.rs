@@ -7,7 +7,7 @@ use ghand_hand_model::{HandModelError, surface};
 use crate::settings::{Model, TrainSettings};
 
 /// Width of a Gaussian, pixels, with which images are shown sharply.
-const WANTED: f64 = 2.0;
+const WANTED: f64 = 1.75;
 /// The UV raster's least and largest resolution, and the largest with networks, which are slow.
 const LEAST: f64 = 96.0;
 const LARGEST: f64 = 512.0;
