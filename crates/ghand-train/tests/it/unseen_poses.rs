@@ -65,8 +65,8 @@ fn fists_of_an_avatar_that_saw_few_open_hands_have_a_smooth_outline_and_nothing_
     let settings = TrainSettings { iterations: 400, ..TrainSettings::default() };
     let trained = Trainer::new(&gpu, &capture, "train", &settings).unwrap().train(|_| ()).unwrap();
     let found = bent_outline(&gpu, &trained.avatar).unwrap();
-    // Measured: roughness 0.84 and 0.023 % loose; without roughness of the offsets and with unseen=off 0.96 and 0.039 %.
-    assert!(found.roughness.unwrap() < 0.9 && found.loose_share.unwrap() < 3.2e-4, "{found:?}");
+    // Measured: roughness 0.93 and 0.026 % loose; with unseen=off 0.99 and 0.035 %.
+    assert!(found.roughness.unwrap() < 0.96 && found.loose_share.unwrap() < 3.1e-4, "{found:?}");
 }
 
 #[test]
