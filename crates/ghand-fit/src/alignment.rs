@@ -14,6 +14,7 @@ mod outlines;
 pub mod pose_offsets;
 mod priors;
 mod proportions;
+mod reduced;
 pub mod results;
 pub mod shape_fit;
 mod side;
@@ -40,6 +41,7 @@ use fit::{FIRST_STEPS, Fit, LAST_STEPS, STEPS, Shape, inverse, joint_step, quant
 use outlines::contour::Edges;
 use outlines::distance_field::DistanceField;
 use priors::Priors;
+use reduced::Reduced;
 pub use results::rejection::Rejection;
 use results::rejection::rejection;
 use single_frames::PoseKnowledge;
@@ -140,50 +142,51 @@ pub fn align(
 ) -> Result<Alignment, AlignmentError> {
     let start = Instant::now();
     let all = joined(split, held_out);
-    let fields = DistanceField::of_views(capture, &all.views)?;
-    let as_given = images_of_frames(&capture.cameras, &all, &fields);
+    let reduced = Reduced::new(capture, &all)?;
+    let fields = reduced.fields(&all.views)?;
+    let as_given = images_of_frames(&reduced.cameras, &all, &fields);
     let given: Vec<&Pose> = all.frames.iter().map(|frame| &capture.frames[*frame].pose).collect();
     let mut fit = Fit::new(&capture.template, given.clone(), Shape::Unknown);
     let went_on = fit.follow_contours(&as_given, &mut |number, [median, far], poses| {
+        let [median, far] = [median, far].map(|distance| reduced.usual() * distance);
         after_step(&format!("step {number}: contours {median:.2} px, 95 % below {far:.2} px"), poses)
     })?;
     if !went_on {
         return Err(AlignmentError::Stopped);
     }
     let views = calibration_views(&all, &fields);
-    let mut calibration = fit.calibrate(&capture.cameras, &views)?;
+    let mut calibration = fit.calibrate(&reduced.cameras, &views)?;
     if let Some(calibration) = &mut calibration {
         // Poses and proportions were fitted with wrong cameras: they start once more.
-        let cameras = calibration.applied_to(&capture.cameras);
+        let cameras = calibration.applied_to(&reduced.cameras);
         fit = Fit::new(&capture.template, given.clone(), Shape::Unknown);
         fit.follow_contours(&images_of_frames(&cameras, &all, &fields), &mut |_, _, _| true)?;
         for _ in 0..FURTHER_CALIBRATIONS {
-            fit.calibrate_further(&capture.cameras, &views, calibration)?;
-            let cameras = calibration.applied_to(&capture.cameras);
+            fit.calibrate_further(&reduced.cameras, &views, calibration)?;
+            let cameras = calibration.applied_to(&reduced.cameras);
             let images = images_of_frames(&cameras, &all, &fields);
             for huber in LAST_STEPS {
                 fit.step(&images, huber, true)?;
             }
         }
     }
-    let refined = calibration.as_ref().map(|calibration| calibration.applied_to(&capture.cameras));
-    let cameras = refined.as_ref().unwrap_or(&capture.cameras);
+    let refined = calibration.as_ref().map(|calibration| calibration.applied_to(&reduced.cameras));
+    let cameras = refined.as_ref().unwrap_or(&reduced.cameras);
     let images = images_of_frames(cameras, &all, &fields);
     fit.follow_mask_ends(&images)?;
     let refine = |fit: &Fit, usable: &[bool]| {
-        let contrast = SplitContrast::load(capture, split)?;
+        let contrast = SplitContrast::load(&reduced, split)?;
         texture::refine(fit, &contrast.by_frame(cameras, &all), &images, usable, after_step)
     };
     let frames = split.frames.len();
     let given_fit = fit.fit_as_given(&as_given[..frames])?;
-    let seen_by = Capture { cameras: cameras.clone(), ..capture.clone() };
-    let odd_cameras = fit.odd_cameras(&seen_by, &all, &fields)?;
+    let odd_cameras = fit.odd_cameras(&reduced, cameras, &all, &fields)?;
     let mut time_offsets = fit.time_offsets(capture, &all, &images)?;
     time_offsets.retain(|offset| odd_cameras.iter().all(|odd| odd.camera != offset.camera));
     let mut aligned = fit.finish(&images, frames, given_fit, start, refine)?;
     if aligned.rejection.is_none() {
-        (aligned.calibration, aligned.time_offsets) = (calibration, time_offsets);
-        aligned.odd_cameras = odd_cameras;
+        aligned.calibration = calibration.map(|found| reduced.full_size_calibration(found));
+        (aligned.time_offsets, aligned.odd_cameras) = (time_offsets, odd_cameras);
     }
     Ok(aligned)
 }
@@ -199,23 +202,24 @@ pub fn refine_rough_cameras(
     focals_are_known: bool,
 ) -> Result<Vec<Camera>, AlignmentError> {
     let parts = if focals_are_known { &[Part::Extrinsics][..] } else { &[Part::Extrinsics, Part::FocalLength] };
-    let fields = DistanceField::of_views(capture, &split.views)?;
+    let reduced = Reduced::new(capture, split)?;
+    let fields = reduced.fields(&split.views)?;
     let views = views_of_frames(split, &fields);
     let given: Vec<&Pose> = split.frames.iter().map(|frame| &capture.frames[*frame].pose).collect();
     let mut fit = Fit::with_own_outlines(&capture.template, given, Shape::Unknown);
-    fit.follow_contours(&images_of_frames(&capture.cameras, split, &fields), &mut |_, _, _| true)?;
-    let mut changes = vec![[0.0; cameras::unknowns::NUMBERS]; capture.cameras.len()];
-    let mut refined = capture.cameras.clone();
+    fit.follow_contours(&images_of_frames(&reduced.cameras, split, &fields), &mut |_, _, _| true)?;
+    let mut changes = vec![[0.0; cameras::unknowns::NUMBERS]; reduced.cameras.len()];
+    let mut refined = reduced.cameras.clone();
     for _ in 0..ROUGH_CALIBRATIONS {
-        changes = fit.calibrate_roughly(parts, &capture.cameras, &views, changes)?;
-        let moved = capture.cameras.iter().zip(&changes);
+        changes = fit.calibrate_roughly(parts, &reduced.cameras, &views, changes)?;
+        let moved = reduced.cameras.iter().zip(&changes);
         refined = moved.map(|(camera, change)| cameras::unknowns::changed(camera, change)).collect();
         let images = images_of_frames(&refined, split, &fields);
         for huber in LAST_STEPS {
             fit.step(&images, huber, true)?;
         }
     }
-    Ok(refined)
+    Ok(reduced.full_size(refined))
 }
 
 /// The frames of a split and then those of another one.

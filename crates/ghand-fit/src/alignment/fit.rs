@@ -292,7 +292,7 @@ impl<'a> Fit<'a> {
             let mut overlaps = vec![];
             for (camera, field) in images {
                 let contour = self.edges.contour(&positions, &normals, camera, field);
-                distances.extend(contour.iter().map(|point| point.residual.abs()));
+                distances.extend(contour.iter().map(|point| field.image_pixels * point.residual.abs()));
                 let covered = covered_pixels(camera, &positions, &shaped.model.faces);
                 let arm_end = self.edges.arm_end(&positions, camera);
                 overlaps.push(field.overlap(&covered, camera.width as usize, arm_end));
@@ -305,7 +305,8 @@ impl<'a> Fit<'a> {
         let per_frame =
             frames.iter().map(|(_, overlaps)| if overlaps.is_empty() { 1.0 } else { mean(overlaps) }).collect();
         let (distances, overlaps): (Vec<Vec<f64>>, Vec<Vec<f64>>) = frames.into_iter().unzip();
-        let areas: Vec<f64> = images.iter().flatten().map(|(_, field)| field.area() as f64).collect();
+        let areas: Vec<f64> =
+            images.iter().flatten().map(|(_, field)| field.area() as f64 * field.image_pixels.powi(2)).collect();
         let fit = MaskFit {
             contours: quantiles(distances.concat()),
             overlap: mean(&overlaps.concat()),

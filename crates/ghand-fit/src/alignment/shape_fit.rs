@@ -6,7 +6,7 @@ use std::time::Instant;
 use ghand_capture::{Capture, Split};
 use ghand_core::Pose;
 
-use super::outlines::distance_field::DistanceField;
+use super::reduced::Reduced;
 use super::results::rejection::Rejection;
 use super::texture::{self, SplitContrast};
 use super::{AlignmentError, Fit, MaskFit, Shape, images_of_frames, joined};
@@ -33,8 +33,9 @@ pub struct ShapeFit {
 pub fn fit_shape(capture: &Capture, splits: &[&Split]) -> Result<ShapeFit, AlignmentError> {
     let start = Instant::now();
     let split = &splits.iter().fold(Split::default(), |all, split| joined(&all, Some(split)));
-    let fields = DistanceField::of_views(capture, &split.views)?;
-    let images = images_of_frames(&capture.cameras, split, &fields);
+    let reduced = Reduced::new(capture, split)?;
+    let fields = reduced.fields(&split.views)?;
+    let images = images_of_frames(&reduced.cameras, split, &fields);
     let given: Vec<&Pose> = split.frames.iter().map(|frame| &capture.frames[*frame].pose).collect();
     let mut fit = Fit::with_own_outlines(&capture.template, given, Shape::OfModel);
     fit.follow_contours(&images, &mut |_, _, _| true)?;
@@ -42,8 +43,8 @@ pub fn fit_shape(capture: &Capture, splits: &[&Split]) -> Result<ShapeFit, Align
     let given_fit = fit.fit_as_given(&images)?;
     let mut shape = fit.shape.clone();
     let refine = |fit: &Fit, usable: &[bool]| {
-        let contrast = SplitContrast::load(capture, split)?;
-        texture::refine(fit, &contrast.by_frame(&capture.cameras, split), &images, usable, &mut |_, _| true)
+        let contrast = SplitContrast::load(&reduced, split)?;
+        texture::refine(fit, &contrast.by_frame(&reduced.cameras, split), &images, usable, &mut |_, _| true)
     };
     let found = fit.finish(&images, split.frames.len(), given_fit, start, refine)?;
     if found.rejection.is_some() {

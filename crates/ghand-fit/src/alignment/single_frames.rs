@@ -1,9 +1,10 @@
 //! Poses of single frames from the masks' contours of chosen images, for a template of fixed shape.
 
-use ghand_capture::{Capture, CaptureError, Split};
+use ghand_capture::{Capture, CaptureError, Split, SplitView};
 use ghand_core::{HandModel, Pose};
 use rayon::prelude::*;
 
+use super::reduced::Reduced;
 use super::{AlignmentError, DistanceField, FIRST_STEPS, Fit, Images, Priors, STEPS, Shape, images_of_frames, joined};
 
 /// A frame and the images that its pose is fitted to.
@@ -36,8 +37,9 @@ pub fn pose_knowledge(
     held_out: &Split,
 ) -> Result<(PoseKnowledge, Vec<Pose>), AlignmentError> {
     let all = joined(split, Some(held_out));
-    let fields = DistanceField::of_views(capture, &all.views)?;
-    let images = images_of_frames(&capture.cameras, &all, &fields);
+    let reduced = Reduced::new(capture, &all)?;
+    let fields = reduced.fields(&all.views)?;
+    let images = images_of_frames(&reduced.cameras, &all, &fields);
     let given = all.frames.iter().map(|frame| &capture.frames[*frame].pose).collect();
     let mut fit = Fit::new(template, given, Shape::Known);
     fit.follow_contours(&images, &mut |_, _, _| true)?;
@@ -59,12 +61,9 @@ pub fn align_single_frames(
     if frames.is_empty() {
         return Ok(vec![]);
     }
+    let reduced = Reduced::new(capture, &seen_by(frames))?;
     let fields = |frame: &SingleFrame| -> Result<Vec<Option<DistanceField>>, CaptureError> {
-        let field = |camera: &usize| {
-            let mask = capture.load_hand_mask(*camera, frame.frame)?;
-            Ok(DistanceField::of_mask(&mask, capture.cameras[*camera].width as usize))
-        };
-        frame.cameras.iter().map(field).collect()
+        frame.cameras.iter().map(|camera| reduced.field(*camera, frame.frame)).collect()
     };
     let fields: Vec<Vec<Option<DistanceField>>> = frames.par_iter().map(fields).collect::<Result<_, _>>()?;
     let mut fit = Fit::new(template, frames.iter().map(|frame| &frame.pose).collect(), Shape::Known);
@@ -77,7 +76,7 @@ pub fn align_single_frames(
     let aligned = |(frame, fields): (&SingleFrame, &Vec<Option<DistanceField>>)| {
         let pairs = frame.cameras.iter().zip(fields);
         let images: Images =
-            pairs.filter_map(|(camera, field)| Some((&capture.cameras[*camera], field.as_ref()?))).collect();
+            pairs.filter_map(|(camera, field)| Some((&reduced.cameras[*camera], field.as_ref()?))).collect();
         let mut pose = fit.fitted_alone(&shaped, frame.pose.clone(), &frame.pose, &images, &FIRST_STEPS, false)?;
         if known.is_some() {
             pose = fit.with_fingers_from_priors(&pose, &frame.pose);
@@ -85,4 +84,12 @@ pub fn align_single_frames(
         Ok(fit.fitted_alone(&shaped, pose, &frame.pose, &images, &STEPS, known.is_some())?)
     };
     frames.par_iter().zip(&fields).map(aligned).collect()
+}
+
+/// The images that frames are fitted to.
+fn seen_by(frames: &[SingleFrame]) -> Split {
+    let views = frames.iter().enumerate().flat_map(|(position, frame)| {
+        frame.cameras.iter().map(move |camera| SplitView { camera: *camera, frame: frame.frame, position })
+    });
+    Split { views: views.collect(), ..Split::default() }
 }

@@ -16,7 +16,7 @@ pub(super) mod surface;
 
 use std::collections::BTreeMap;
 
-use ghand_capture::{Capture, CaptureError, Split, SplitView};
+use ghand_capture::{CaptureError, Split, SplitView};
 use ghand_core::{Camera, InvalidHandModel, Pose};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -24,6 +24,7 @@ use serde::{Deserialize, Serialize};
 
 use super::frame::{Rig, VertexMotion};
 use super::proportions::Shaped;
+use super::reduced::Reduced;
 use super::{AlignmentError, Fit, Images, STEPS, quantiles};
 use agreement::{Agreed, Cue, agree};
 use bands::{Band, Contrast};
@@ -74,8 +75,8 @@ pub(super) struct SplitContrast(Vec<Option<Contrast>>);
 impl SplitContrast {
     /// # Errors
     /// [`CaptureError`] if an image is unusable.
-    pub fn load(capture: &Capture, split: &Split) -> Result<SplitContrast, CaptureError> {
-        let of_view = |view: &SplitView| Ok(Contrast::of_view(&capture.load_view(view.camera, view.frame)?));
+    pub fn load(reduced: &Reduced, split: &Split) -> Result<SplitContrast, CaptureError> {
+        let of_view = |view: &SplitView| Ok(Contrast::of_view(&reduced.view(view.camera, view.frame)?));
         Ok(SplitContrast(split.views.par_iter().map(of_view).collect::<Result<_, CaptureError>>()?))
     }
 

@@ -8,6 +8,7 @@ use ghand_core::rotation::{axis_angle_from_rotation, rotation_from_axis_angle};
 use ghand_fit::alignment::shape_fit::fit_shape;
 use ghand_fit::alignment::single_frames::{SingleFrame, align_single_frames};
 use ghand_fit::alignment::{Alignment, AlignmentError, align};
+use ghand_synthetic::SyntheticOptions;
 use ghand_test_support::cases;
 use glam::DVec3;
 
@@ -34,6 +35,27 @@ fn assert_corrected(capture: &Capture, aligned: &Alignment) {
     let [before, after] = aligned.fit;
     assert!(after.contours[0] < 0.7 && after.contours[0] < 0.5 * before.contours[0], "{:?}", aligned.fit);
     assert!(aligned.rejection.is_none() && aligned.kept.is_empty(), "{:?} {:?}", aligned.fit, aligned.kept);
+}
+
+#[test]
+fn hands_in_large_images_are_aligned_as_well_as_in_small_ones() {
+    let options = SyntheticOptions { train_frames: 4, ..small_options(3) };
+    let of_size = |times: u32| {
+        let (capture, _folder) = make(&SyntheticOptions { width: times * 128, height: times * 192, ..options.clone() });
+        let split = capture.split("train").unwrap();
+        let aligned = align(&capture, split, None, &mut |_, _| true).unwrap();
+        let [given, truth] = poses(&capture, split);
+        println!("{times} times: {:.2?} to {:.2?}", errors(&given, &truth), errors(&aligned.poses, &truth));
+        assert!(aligned.rejection.is_none(), "{:?}", aligned.rejection);
+        (errors(&aligned.poses, &truth), aligned.fit)
+    };
+    let (small, [_, fit]) = of_size(1);
+    let (large, [_, large_fit]) = of_size(cases(5, 10));
+    assert!(large[0] < 1.1 * small[0] && large[1] < small[1] + 0.2, "{large:?} {small:?}");
+    // Distances are told in pixels of the images as they are.
+    let part = large_fit.mask_size / fit.mask_size / f64::from(cases(5_u32, 10));
+    assert!((0.98..1.02).contains(&part), "{large_fit:?} {fit:?}");
+    assert!(large_fit.contours[0] > fit.contours[0], "{large_fit:?} {fit:?}");
 }
 
 #[test]

@@ -1,11 +1,12 @@
 //! Cameras that do not show the hand that the others show: their images are of other moments, their calibration or their masks
 //! are wrong. Among many cameras one hides in every mean, and where the given poses are off, in how these fit its masks, too.
 
-use ghand_capture::{Capture, Split};
+use ghand_capture::Split;
 use ghand_core::{Camera, InvalidHandModel, Pose};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use crate::alignment::reduced::Reduced;
 use crate::alignment::{AlignmentError, DistanceField, Fit, Images, MaskFit, Shape, images_of_frames, quantiles};
 
 /// Fewer other cameras say nothing of one.
@@ -86,39 +87,40 @@ fn others_of(camera: usize, fits: &[(usize, MaskFit)]) -> Option<MaskFit> {
 }
 
 impl Fit<'_> {
-    /// The odd cameras among those of a split's frames, the worst first. `fields` are those of the split's views. A camera that
-    /// fits worse than the others pulls the poses of all: it is judged by poses without it.
+    /// The odd cameras among those of a split's frames, the worst first. `fields` are those of the split's views,
+    /// `cameras` those of the reduced images. A camera that fits worse than the others pulls the poses of all: it is judged by
+    /// poses without it.
     pub(crate) fn odd_cameras(
         &self,
-        capture: &Capture,
+        reduced: &Reduced,
+        cameras: &[Camera],
         split: &Split,
         fields: &[Option<DistanceField>],
     ) -> Result<Vec<OddCamera>, AlignmentError> {
-        let images = images_of_frames(&capture.cameras, split, fields);
+        let images = images_of_frames(cameras, split, fields);
         let chosen: Vec<usize> = (0..split.frames.len()).step_by(split.frames.len().div_ceil(FRAMES).max(1)).collect();
         let mut odd: Vec<OddCamera> = vec![];
-        let mut fits = self.fits_of_cameras(capture, &images)?;
+        let mut fits = self.fits_of_cameras(cameras, &images)?;
         while odd.len() < MOST_ODD {
             let lack_of = |(_, fit): &&(usize, MaskFit)| 1.0 - fit.overlap;
-            let is_known = |camera: usize| odd.iter().any(|odd| odd.camera == capture.cameras[camera].id);
+            let is_known = |camera: usize| odd.iter().any(|odd| odd.camera == cameras[camera].id);
             let left: Vec<(usize, MaskFit)> = fits.iter().copied().filter(|(camera, _)| !is_known(*camera)).collect();
             let Some(&(worst, fit)) = left.iter().max_by(|a, b| lack_of(a).total_cmp(&lack_of(b))) else { break };
             let Some(others) = others_of(worst, &left) else { break };
             if !fit.lacks_more_than(&others, SUSPICIOUS) {
                 break;
             }
-            let is_left_out = |camera: &Camera| {
-                camera.id == capture.cameras[worst].id || odd.iter().any(|odd| odd.camera == camera.id)
-            };
+            let is_left_out =
+                |camera: &Camera| camera.id == cameras[worst].id || odd.iter().any(|odd| odd.camera == camera.id);
             let some = chosen.iter().map(|frame| {
                 images[*frame].iter().filter(|(camera, _)| !is_left_out(camera)).copied().collect::<Images>()
             });
             let some: Vec<Images> = some.collect();
             let mut without =
-                Fit::new(&capture.template, chosen.iter().map(|frame| self.given[*frame]).collect(), Shape::Unknown);
+                Fit::new(self.template, chosen.iter().map(|frame| self.given[*frame]).collect(), Shape::Unknown);
             without.follow_contours(&some, &mut |_, _, _| true)?;
             let all: Vec<Images> = chosen.iter().map(|frame| images[*frame].clone()).collect();
-            fits = without.fits_of_cameras(capture, &all)?;
+            fits = without.fits_of_cameras(cameras, &all)?;
             let left: Vec<(usize, MaskFit)> = fits.iter().copied().filter(|(camera, _)| !is_known(*camera)).collect();
             let Some(fit) = left.iter().find(|(camera, _)| *camera == worst).map(|(_, fit)| *fit) else { break };
             let Some(others) = others_of(worst, &left) else { break };
@@ -127,20 +129,24 @@ impl Fit<'_> {
             }
             let frames: Vec<usize> = chosen.iter().map(|frame| split.frames[*frame]).collect();
             odd.push(OddCamera {
-                camera: capture.cameras[worst].id.clone(),
+                camera: cameras[worst].id.clone(),
                 contours: [fit.contours[1], others.contours[1]],
                 overlap: [fit.overlap, others.overlap],
-                late: without.late_by(capture, &frames, worst, [fit.overlap, others.overlap])?,
+                late: without.late_by(reduced, &cameras[worst], &frames, worst, [fit.overlap, others.overlap])?,
             });
         }
         Ok(odd)
     }
 
     /// How well the hand fits the masks of each camera that has enough of them.
-    fn fits_of_cameras(&self, capture: &Capture, images: &[Images]) -> Result<Vec<(usize, MaskFit)>, InvalidHandModel> {
+    fn fits_of_cameras(
+        &self,
+        cameras: &[Camera],
+        images: &[Images],
+    ) -> Result<Vec<(usize, MaskFit)>, InvalidHandModel> {
         let shaped = self.shaped()?.known();
         let of_camera = |number: usize| -> Result<Option<(usize, MaskFit)>, InvalidHandModel> {
-            let id = &capture.cameras[number].id;
+            let id = &cameras[number].id;
             let seen = self.poses.iter().zip(images).filter_map(|(pose, images)| {
                 let own = images.iter().find(|(other, _)| other.id == *id)?;
                 Some((pose.clone(), vec![*own]))
@@ -152,7 +158,7 @@ impl Fit<'_> {
             Ok(Some((number, self.fit_of(&shaped, &poses, &images)?.0)))
         };
         let fits: Vec<Option<(usize, MaskFit)>> =
-            (0..capture.cameras.len()).into_par_iter().map(of_camera).collect::<Result<_, _>>()?;
+            (0..cameras.len()).into_par_iter().map(of_camera).collect::<Result<_, _>>()?;
         Ok(fits.into_iter().flatten().collect())
     }
 
@@ -160,18 +166,18 @@ impl Fit<'_> {
     /// overlap without that. The poses are those of `frames`; the overlaps are the camera's and the others'.
     fn late_by(
         &self,
-        capture: &Capture,
+        reduced: &Reduced,
+        camera: &Camera,
         frames: &[usize],
         number: usize,
         [overlap, usual]: [f64; 2],
     ) -> Result<Option<(isize, f64)>, AlignmentError> {
-        let camera = &capture.cameras[number];
         let shaped = self.shaped()?.known();
         let without = |late: isize| -> Result<Option<f64>, AlignmentError> {
             // The image that shows a frame's pose is that of an earlier frame if images are late.
             let paired = frames.par_iter().zip(&self.poses).filter_map(|(frame, pose)| {
-                let mask = capture.load_hand_mask(number, frame.checked_add_signed(-late)?).ok()?;
-                Some((pose.clone(), DistanceField::of_mask(&mask, camera.width as usize)?))
+                let field = reduced.field(number, frame.checked_add_signed(-late)?).ok()??;
+                Some((pose.clone(), field))
             });
             let (poses, fields): (Vec<Pose>, Vec<DistanceField>) = paired.unzip();
             if fields.len() < LEAST_IMAGES {

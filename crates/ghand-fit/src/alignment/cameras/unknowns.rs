@@ -37,7 +37,7 @@ impl Part {
     }
 
     /// The places of its numbers.
-    fn places(self) -> std::ops::Range<usize> {
+    pub fn places(self) -> std::ops::Range<usize> {
         match self {
             Part::Extrinsics => 0..6,
             Part::FocalLength => 6..7,

@@ -1,10 +1,8 @@
 //! Signed distance to the outline of a mask, with its gradient.
 
 use ghand_capture::mask::squared_distances;
-use ghand_capture::{Capture, CaptureError, SplitView};
 use ghand_hand_model::surface::arm_end::ArmEndInImage;
 use glam::DVec2;
-use rayon::prelude::*;
 
 /// Distances beyond this are cut off, pixels; the field has that margin around the mask.
 const FARTHEST: f64 = 60.0;
@@ -14,6 +12,8 @@ const STEPS: f64 = 256.0;
 /// Distances from a mask's outline, pixels: negative inside.
 #[derive(Debug, Clone)]
 pub struct DistanceField {
+    /// Pixels of the image's side per pixel of the field's, more than 1 if the mask is a reduced one.
+    pub image_pixels: f64,
     /// Left column and top row of the field in the image.
     origin: [usize; 2],
     /// Columns and rows.
@@ -23,18 +23,6 @@ pub struct DistanceField {
 }
 
 impl DistanceField {
-    /// The fields of a capture's masks; `None` where the mask has no outline.
-    ///
-    /// # Errors
-    /// [`CaptureError`] if a mask is unusable.
-    pub fn of_views(capture: &Capture, views: &[SplitView]) -> Result<Vec<Option<DistanceField>>, CaptureError> {
-        let field = |view: &SplitView| {
-            let mask = capture.load_hand_mask(view.camera, view.frame)?;
-            Ok(DistanceField::of_mask(&mask, capture.cameras[view.camera].width as usize))
-        };
-        views.par_iter().map(field).collect()
-    }
-
     /// The field of a row-major mask; `None` if the mask is empty or covers the whole image.
     pub fn of_mask(mask: &[bool], width: usize) -> Option<DistanceField> {
         let height = mask.len().checked_div(width)?;
@@ -62,7 +50,12 @@ impl DistanceField {
             |(inside, outside): (&f64, &f64)| if *outside > 0.0 { 0.5 - outside.sqrt() } else { inside.sqrt() - 0.5 };
         let values = to_inside.iter().zip(&to_outside).map(value);
         let values = values.map(|d| (d.clamp(-FARTHEST, FARTHEST) * STEPS) as i16).collect();
-        Some(DistanceField { origin: [left, top], size, values })
+        Some(DistanceField { image_pixels: 1.0, origin: [left, top], size, values })
+    }
+
+    /// The same of a mask that is reduced: see [`DistanceField::image_pixels`].
+    pub fn with_image_pixels(self, image_pixels: f64) -> DistanceField {
+        DistanceField { image_pixels, ..self }
     }
 
     /// Pixels of the mask.

@@ -7,7 +7,7 @@ use ghand_capture::mask::covered_pixels;
 use ghand_capture::{Capture, Split, SplitView};
 use ghand_core::posing::pose_hand;
 use ghand_core::rotation::{axis_angle_from_rotation, rotation_from_axis_angle};
-use ghand_core::{HandModel, Pose};
+use ghand_core::{Camera, HandModel, Pose};
 use ghand_hand_model::joints::hand_directions::hand_directions;
 use ghand_hand_model::joints::names::{Finger, JointRole};
 use rayon::prelude::*;
@@ -15,10 +15,11 @@ use rayon::prelude::*;
 use crate::views::TrainViews;
 
 use super::rejection::rejection;
+use crate::alignment::reduced::Reduced;
 use crate::alignment::texture::surface::{NearestDepth, SurfacePoint, surface_points};
 use crate::alignment::{
-    AlignmentError, Calibration, DistanceField, Fit, MaskFit, OddCamera, Rejection, Shape, TimeOffset,
-    calibration_views, images_of_frames,
+    AlignmentError, Calibration, Fit, MaskFit, OddCamera, Rejection, Shape, TimeOffset, calibration_views,
+    images_of_frames,
 };
 
 /// Frames that are fitted: so many pairs of successive ones, which tell velocities, evenly over the split.
@@ -30,6 +31,9 @@ const BORDER: u32 = 8;
 const LEAST_COSINE: f64 = 0.3;
 /// A part of the hand of which less than this is seen is named.
 const LEAST_SEEN: f64 = 0.3;
+/// Outlines of which 5 % are farther than this off the fitted hand are named: pixels, and a part of the masks' size.
+const FAR_PIXELS: f64 = 3.0;
+const FAR: f64 = 0.015;
 /// Holes in masks of fewer pixels do not count, nor those of which the fitted template covers less than the second: they may
 /// be gaps between fingers.
 const LEAST_HOLE: usize = 16;
@@ -74,35 +78,31 @@ pub struct Review {
 ///
 /// # Errors
 /// [`AlignmentError`] if an image is unusable or a pose does not fit the template.
-pub fn review(given_capture: &Capture, whole: &Split) -> Result<Option<Review>, AlignmentError> {
-    let capture = given_capture;
+pub fn review(capture: &Capture, whole: &Split) -> Result<Option<Review>, AlignmentError> {
     // Images that cannot be read are told elsewhere.
     let views = TrainViews::new(capture, &some_images(whole), BORDER).ok();
     let blurred = views.as_ref().and_then(|views| views.blurred().ok());
     let (looked_at, blurred) = views.zip(blurred).map_or((0, 0), |(views, blurred)| (views.len(), blurred));
     let split = some_frames(whole);
-    let fields = DistanceField::of_views(capture, &split.views)?;
-    let images = images_of_frames(&capture.cameras, &split, &fields);
+    let reduced = Reduced::new(capture, &split)?;
+    let fields = reduced.fields(&split.views)?;
+    let mut images = images_of_frames(&reduced.cameras, &split, &fields);
     if images.iter().all(Vec::is_empty) {
         return Ok(None);
     }
     let given: Vec<&Pose> = split.frames.iter().map(|frame| &capture.frames[*frame].pose).collect();
     let mut fit = Fit::new(&capture.template, given.clone(), Shape::Unknown);
     fit.follow_contours(&images, &mut |_, _, _| true)?;
-    let calibration = fit.calibrate(&capture.cameras, &calibration_views(&split, &fields))?;
+    let calibration = fit.calibrate(&reduced.cameras, &calibration_views(&split, &fields))?;
     // With wrong cameras nothing else can be told.
-    let refined;
-    let (capture, images) = match &calibration {
-        Some(calibration) => {
-            refined = Capture { cameras: calibration.applied_to(&capture.cameras), ..capture.clone() };
-            let images = images_of_frames(&refined.cameras, &split, &fields);
-            fit = Fit::new(&refined.template, given.clone(), Shape::Unknown);
-            fit.follow_contours(&images, &mut |_, _, _| true)?;
-            (&refined, images)
-        }
-        None => (capture, images),
-    };
-    let odd_cameras = fit.odd_cameras(capture, &split, &fields)?;
+    let refined = calibration.as_ref().map(|calibration| calibration.applied_to(&reduced.cameras));
+    let cameras = refined.as_ref().unwrap_or(&reduced.cameras);
+    if calibration.is_some() {
+        images = images_of_frames(cameras, &split, &fields);
+        fit = Fit::new(&capture.template, given.clone(), Shape::Unknown);
+        fit.follow_contours(&images, &mut |_, _, _| true)?;
+    }
+    let odd_cameras = fit.odd_cameras(&reduced, cameras, &split, &fields)?;
     if !odd_cameras.is_empty() {
         let is_odd = |view: &SplitView| odd_cameras.iter().any(|odd| odd.camera == capture.cameras[view.camera].id);
         let mut others = whole.clone();
@@ -112,7 +112,7 @@ pub fn review(given_capture: &Capture, whole: &Split) -> Result<Option<Review>, 
             found.odd_cameras.splice(..0, odd_cameras);
             found
         };
-        return Ok(review(given_capture, &others)?.map(merged));
+        return Ok(review(capture, &others)?.map(merged));
     }
     let time_offsets = fit.time_offsets(capture, &split, &images)?;
     let template = fit.shaped_template()?;
@@ -128,15 +128,15 @@ pub fn review(given_capture: &Capture, whole: &Split) -> Result<Option<Review>, 
         fit.moving.iter().filter(|joint| **joint > 0).map(move |joint| angle(found, given, *joint))
     });
     let with_holes = |view: &SplitView| -> Result<bool, AlignmentError> {
-        let mask = capture.load_hand_mask(view.camera, view.frame)?;
-        let camera = &capture.cameras[view.camera];
+        let mask = reduced.mask(view.camera, view.frame)?;
+        let camera = &cameras[view.camera];
         let positions = pose_hand(&template, &[], &fit.poses[view.position])?.vertices;
         Ok(has_hole(&mask, &covered_pixels(camera, &positions, &template.faces), camera.width as usize))
     };
     let holes: Vec<bool> = split.views.par_iter().map(with_holes).collect::<Result<_, _>>()?;
     Ok(Some(Review {
         frames: split.frames.len(),
-        calibration,
+        calibration: calibration.map(|found| reduced.full_size_calibration(found)),
         odd_cameras,
         time_offsets,
         rejection: rejection(fits, &capture.template, &template, is_other),
@@ -149,7 +149,7 @@ pub fn review(given_capture: &Capture, whole: &Split) -> Result<Option<Review>, 
         masks_with_holes: holes.iter().filter(|hole| **hole).count(),
         looked_at,
         blurred,
-        unseen: unseen_parts(capture, &template, &split, &fit.poses)?,
+        unseen: unseen_parts(&reduced, cameras, &template, &split, &fit.poses)?,
     }))
 }
 
@@ -189,7 +189,8 @@ impl Review {
             ));
         }
         let [median, far] = self.fit[1].contours;
-        if self.rejection.is_none() && far > 3.0_f64.max(3.0 * median) {
+        let usual = FAR_PIXELS.max(FAR * self.fit[1].mask_size).max(3.0 * median);
+        if self.rejection.is_none() && far > usual {
             all.push(format!(
                 "parts of the masks are not the hand's: 5 % of the outlines are more than {far:.0} pixels off the fitted \
                  hand, half of them less than {median:.1}; look for cut fingers, filled gaps and the arm"
@@ -284,7 +285,8 @@ fn fill(reached: &mut [bool], start: usize, width: usize) -> (Vec<usize>, bool) 
 
 /// The parts of the hand of which hardly anything is seen in the images of a split, in these poses.
 fn unseen_parts(
-    capture: &Capture,
+    reduced: &Reduced,
+    cameras: &[Camera],
     template: &HandModel,
     split: &Split,
     poses: &[Pose],
@@ -292,8 +294,8 @@ fn unseen_parts(
     let Some(directions) = hand_directions(template) else { return Ok(vec![]) };
     let points = surface_points(template);
     let seen_in = |view: &SplitView| -> Result<Vec<bool>, AlignmentError> {
-        let camera = &capture.cameras[view.camera];
-        let mask = capture.load_hand_mask(view.camera, view.frame)?;
+        let camera = &cameras[view.camera];
+        let mask = reduced.mask(view.camera, view.frame)?;
         let positions = pose_hand(template, &[], &poses[view.position])?.vertices;
         let normals = template.vertex_normals(&positions);
         let nearest = NearestDepth::new(camera, &positions, &template.faces);
