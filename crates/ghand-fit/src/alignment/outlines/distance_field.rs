@@ -9,10 +9,10 @@ const FARTHEST: f64 = 60.0;
 /// Steps per pixel in which distances are stored.
 const STEPS: f64 = 256.0;
 
-/// Distances from a mask's outline, pixels: negative inside.
+/// Distances from a mask's outline, pixels of the field: negative inside.
 #[derive(Debug, Clone)]
 pub struct DistanceField {
-    /// Pixels of the image's side per pixel of the field's, more than 1 if the mask is a reduced one.
+    /// Pixels of the image's side per pixel of the field's, more than 1 if the field is of a smaller image.
     pub image_pixels: f64,
     /// Left column and top row of the field in the image.
     origin: [usize; 2],
@@ -23,8 +23,9 @@ pub struct DistanceField {
 }
 
 impl DistanceField {
-    /// The field of a row-major mask; `None` if the mask is empty or covers the whole image.
-    pub fn of_mask(mask: &[bool], width: usize) -> Option<DistanceField> {
+    /// The field of a row-major mask in an image that is smaller by a whole number, `by`: partial pixels at the right and below
+    /// are dropped. Distances are those from the mask as it is. `None` if the mask is empty or covers the whole image.
+    pub fn of_mask(mask: &[bool], width: usize, by: usize) -> Option<DistanceField> {
         let height = mask.len().checked_div(width)?;
         let is_inside = |x: usize, y: usize| mask[y * width + x];
         let rows: Vec<usize> = (0..height).filter(|&y| (0..width).any(|x| is_inside(x, y))).collect();
@@ -33,29 +34,35 @@ impl DistanceField {
             return None;
         }
         let margin = FARTHEST as usize;
+        // In pixels of the smaller image.
         let range = |used: &[usize], size: usize| {
-            Some((used.first()?.saturating_sub(margin), (used.last()? + margin + 1).min(size)))
+            let end = (used.last()? / by + margin + 1).min(size / by);
+            Some(((used.first()? / by).saturating_sub(margin), end)).filter(|(start, end)| start < end)
         };
         let (left, right) = range(&columns, width)?;
         let (top, bottom) = range(&rows, height)?;
         let size = [right - left, bottom - top];
-        let cropped: Vec<bool> = (top..bottom).flat_map(|y| (left..right).map(move |x| is_inside(x, y))).collect();
+        let full = size.map(|pixels| by * pixels);
+        let cropped: Vec<bool> =
+            (by * top..by * bottom).flat_map(|y| (by * left..by * right).map(move |x| is_inside(x, y))).collect();
         let squared = |wanted: bool| {
             let start = cropped.iter().map(|inside| if *inside == wanted { 0.0 } else { f64::INFINITY }).collect();
-            squared_distances(start, size)
+            squared_distances(start, full)
         };
         let (to_inside, to_outside) = (squared(true), squared(false));
         // Centres of pixels are half a pixel from the outline between them.
         let value =
             |(inside, outside): (&f64, &f64)| if *outside > 0.0 { 0.5 - outside.sqrt() } else { inside.sqrt() - 0.5 };
-        let values = to_inside.iter().zip(&to_outside).map(value);
-        let values = values.map(|d| (d.clamp(-FARTHEST, FARTHEST) * STEPS) as i16).collect();
-        Some(DistanceField { image_pixels: 1.0, origin: [left, top], size, values })
-    }
-
-    /// The same of a mask that is reduced: see [`DistanceField::image_pixels`].
-    pub fn with_image_pixels(self, image_pixels: f64) -> DistanceField {
-        DistanceField { image_pixels, ..self }
+        let limit = FARTHEST * by as f64;
+        let exact: Vec<f64> =
+            to_inside.iter().zip(&to_outside).map(value).map(|distance| distance.clamp(-limit, limit)).collect();
+        let mean = |i: usize| {
+            let (x, y) = (by * (i % size[0]), by * (i / size[0]));
+            let sum: f64 = (y..y + by).flat_map(|y| &exact[y * full[0] + x..][..by]).sum();
+            sum / (by * by) as f64
+        };
+        let values = (0..size[0] * size[1]).map(|i| (mean(i) / by as f64 * STEPS) as i16).collect();
+        Some(DistanceField { image_pixels: by as f64, origin: [left, top], size, values })
     }
 
     /// Pixels of the mask.
@@ -112,7 +119,7 @@ mod tests {
         let (width, height) = (40, 30);
         let inside = |x: usize, y: usize| (5..20).contains(&x) && (8..12).contains(&y) || (x, y) == (30, 25);
         let mask: Vec<bool> = (0..height).flat_map(|y| (0..width).map(move |x| inside(x, y))).collect();
-        let field = DistanceField::of_mask(&mask, width).unwrap();
+        let field = DistanceField::of_mask(&mask, width, 1).unwrap();
         for y in 0..height - 1 {
             for x in 0..width - 1 {
                 let own = inside(x, y);
@@ -134,6 +141,33 @@ mod tests {
         let other: Vec<bool> =
             (0..width * height).map(|i| (8..10).contains(&(i / width)) && (5..35).contains(&(i % width))).collect();
         assert!((field.overlap(&other, width, None) - 30.0 / 91.0).abs() < 1e-12);
-        assert!(DistanceField::of_mask(&[true; 12], 4).is_none() && DistanceField::of_mask(&[false; 12], 4).is_none());
+        assert!(
+            DistanceField::of_mask(&[true; 12], 4, 1).is_none() && DistanceField::of_mask(&[false; 12], 4, 1).is_none()
+        );
+    }
+    #[test]
+    fn fields_of_smaller_images_keep_the_outline_of_the_mask() {
+        // A disc whose radius and place are no multiples of the smaller image's pixels.
+        let (size, by, centre, radius) = (300, 4, DVec2::new(151.3, 140.7), 90.6);
+        let at = |i: usize| DVec2::new((i % size) as f64 + 0.5, (i / size) as f64 + 0.5);
+        let mask: Vec<bool> = (0..size * size).map(|i| at(i).distance(centre) < radius).collect();
+        let field = DistanceField::of_mask(&mask, size, by).unwrap();
+        let small = by as f64;
+        let mut worst = 0.0_f64;
+        for k in 0..360 {
+            let away = DVec2::from_angle(f64::from(k).to_radians());
+            for from_outline in [-8.0, -2.0, 0.0, 2.0, 8.0] {
+                let (distance, slope) = field.at((centre + (radius + from_outline) * away) / small).unwrap();
+                worst = worst.max((small * distance - from_outline).abs());
+                assert!(slope.dot(away) > 0.85, "{slope} {away}");
+            }
+        }
+        println!("worst {worst:.3} pixels");
+        assert!(worst < 0.6, "{worst}");
+        let area = field.area() as f64 * field.image_pixels.powi(2);
+        assert!((area / (std::f64::consts::PI * radius.powi(2)) - 1.0).abs() < 0.01, "{area}");
+        // Images that are no multiple: what remains at the right and below is no part of it.
+        assert!(DistanceField::of_mask(&mask[..299 * 300], 300, 8).unwrap().at(DVec2::new(36.6, 36.6)).is_none());
+        assert!(DistanceField::of_mask(&[true, false], 2, 4).is_none());
     }
 }

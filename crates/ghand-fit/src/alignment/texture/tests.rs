@@ -87,7 +87,7 @@ impl Scene {
             let views: Vec<View> = views.collect();
             contrasts.push(views.iter().map(|view| Contrast::of_view(view).unwrap()).collect());
             let mask = |view: &View| view.rgba.iter().map(|pixel| pixel[3] == 255).collect::<Vec<bool>>();
-            masks.push(views.iter().map(|view| DistanceField::of_mask(&mask(view), 200).unwrap()).collect());
+            masks.push(views.iter().map(|view| DistanceField::of_mask(&mask(view), 200, 1).unwrap()).collect());
         }
         Scene { template, cameras, truth, given, contrasts, masks }
     }
