@@ -48,7 +48,7 @@ pub fn pose_knowledge(
 }
 
 /// Fits the pose of each frame alone: neither the template's shape nor the other frames have a part in it, except by what
-/// is known of poses in general.
+/// is known of poses in general, and by the size that large images are reduced to.
 ///
 /// # Errors
 /// [`AlignmentError`] if an image is unusable or a pose does not fit the template.
