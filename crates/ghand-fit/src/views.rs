@@ -26,15 +26,20 @@ impl TrainView {
     /// The view at an integer fraction of its resolution, by box filter; partial pixels at the edges are dropped.
     pub fn reduced(&self, factor: u32) -> TrainView {
         let (pixels, size) = reduced(&self.pixels, self.size, factor);
-        let scale = 1.0 / f64::from(factor);
-        let camera = Camera {
-            width: size[0],
-            height: size[1],
-            focal: self.camera.focal * scale,
-            principal: self.camera.principal * scale,
-            ..self.camera.clone()
-        };
+        let camera = reduced_camera(&self.camera, factor);
         TrainView { camera, size, pixels, ..*self }
+    }
+}
+
+/// The camera of images at an integer fraction of their resolution; partial pixels at the right and below are dropped.
+pub fn reduced_camera(camera: &Camera, factor: u32) -> Camera {
+    let scale = 1.0 / f64::from(factor);
+    Camera {
+        width: (camera.width / factor).max(1),
+        height: (camera.height / factor).max(1),
+        focal: camera.focal * scale,
+        principal: camera.principal * scale,
+        ..camera.clone()
     }
 }
 

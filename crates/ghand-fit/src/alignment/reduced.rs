@@ -11,7 +11,7 @@ use super::Calibration;
 use super::cameras::unknowns::Part;
 use super::fit::quantiles;
 use super::outlines::distance_field::DistanceField;
-use crate::views::reduced;
+use crate::views::{reduced, reduced_camera};
 
 /// A reduced hand is at least this large, as the square root of its mask's area, pixels; one that is less than twice as large
 /// stays. Of 110 to 260 pixels hands are fitted alike, of 420 worse.
@@ -46,16 +46,7 @@ impl<'a> Reduced<'a> {
             Ok(if median >= 2.0 * HAND { (median / HAND) as u32 } else { 1 })
         });
         let by: Vec<u32> = by.collect::<Result<_, CaptureError>>()?;
-        let cameras = capture.cameras.iter().zip(&by).map(|(camera, by)| {
-            let scale = f64::from(*by).recip();
-            Camera {
-                width: (camera.width / by).max(1),
-                height: (camera.height / by).max(1),
-                focal: camera.focal * scale,
-                principal: camera.principal * scale,
-                ..camera.clone()
-            }
-        });
+        let cameras = capture.cameras.iter().zip(&by).map(|(camera, by)| reduced_camera(camera, *by));
         Ok(Reduced { capture, cameras: cameras.collect(), by })
     }
 
