@@ -13,9 +13,9 @@ use super::fit::quantiles;
 use super::outlines::distance_field::DistanceField;
 use crate::views::{reduced, reduced_camera};
 
-/// A reduced hand is at least this large, as the square root of its mask's area, pixels; one that is less than twice as large
-/// stays. Of 110 to 260 pixels hands are fitted alike, of 420 worse.
-const HAND: f64 = 150.0;
+/// The largest hand that is fitted as it is, as the square root of its mask's area, pixels: of 110 to 280 pixels hands are
+/// fitted alike, of 420 worse.
+const LARGEST_HAND: f64 = 300.0;
 /// Masks of each camera that tell how large its hands are.
 const MASKS: usize = 5;
 
@@ -43,7 +43,7 @@ impl<'a> Reduced<'a> {
             };
             let sizes: Vec<f64> = some.map(size).collect::<Result<_, _>>()?;
             let [median, _] = quantiles(sizes.into_iter().filter(|size| *size > 0.0).collect());
-            Ok(if median >= 2.0 * HAND { (median / HAND) as u32 } else { 1 })
+            Ok((median / LARGEST_HAND).ceil().max(1.0) as u32)
         });
         let by: Vec<u32> = by.collect::<Result<_, CaptureError>>()?;
         let cameras = capture.cameras.iter().zip(&by).map(|(camera, by)| reduced_camera(camera, *by));
