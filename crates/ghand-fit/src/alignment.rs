@@ -52,7 +52,7 @@ pub use texture::TextureRefinement;
 const FURTHER_CALIBRATIONS: usize = 2;
 
 /// The same, where only landmarks tell where cameras are.
-const ROUGH_CALIBRATIONS: usize = 8;
+const ROUGH_CALIBRATIONS: usize = 24;
 
 /// Why the poses could not be aligned.
 #[derive(Debug, thiserror::Error)]

@@ -36,6 +36,8 @@ use crate::writing::{ChosenFrame, write_capture, write_images};
 pub const USUAL_FRAMES: usize = 64;
 /// A hand this many times the mean hand, or as many times smaller, means a wrong unit of length.
 const LARGEST_SIZE: f64 = 1.6;
+/// Landmarks that are this many times as far off the hand by cameras that its outlines refined as by their own contradict these.
+const MOST_FARTHER: f64 = 1.5;
 
 /// What to import.
 #[derive(Debug, Clone)]
@@ -194,11 +196,22 @@ pub fn import(options: &ImportOptions, on_progress: &mut OnProgress) -> Result<I
     let mut capture = write_capture(&options.out, &lenses, &model, &hand.shape, &frames_in(&hand))?;
     if is_unknown {
         tell(on_progress, Step::Contours)?;
+        let by_landmarks = lenses.clone();
         refine_cameras(&options.out, &mut lenses, focals_are_known)?;
         let rough = fit_hand(&tracks, &mut lenses, &solved.rig.offsets, &model, places, None)?;
-        scale(&mut lenses, hand_length / rough.fit.lengths[1]);
-        hand = fit_hand(&tracks, &mut lenses, &solved.rig.offsets, &model, places, None)?;
-        capture = write_capture(&options.out, &lenses, &model, &hand.shape, &frames_in(&hand))?;
+        let [before, after] = [&hand, &rough].map(|hand| mean_distance(&hand.fit));
+        log::debug!("landmarks are {before:.2} pixels off by their own cameras, {after:.2} by those of the contours");
+        if after > MOST_FARTHER * before {
+            lenses = by_landmarks;
+            remarks.push(format!(
+                "the cameras are those that landmarks tell: by the hand's outlines landmarks would be {after:.1} pixels off, \
+                 not {before:.1}"
+            ));
+        } else {
+            scale(&mut lenses, hand_length / rough.fit.lengths[1]);
+            hand = fit_hand(&tracks, &mut lenses, &solved.rig.offsets, &model, places, None)?;
+            capture = write_capture(&options.out, &lenses, &model, &hand.shape, &frames_in(&hand))?;
+        }
     }
     let mut length = hand.fit.lengths[1];
     // One camera's outlines do not tell how far away the hand is: poses become no better by them.
@@ -225,6 +238,11 @@ pub fn import(options: &ImportOptions, on_progress: &mut OnProgress) -> Result<I
     let Hand { mut fit, residuals, .. } = hand;
     fit.lengths[1] = length;
     Ok(Imported { capture, sources, tracked, tracks, known, solved, fit, candidates, choice, remarks, residuals })
+}
+
+/// How far landmarks are off the fitted hand: the median of each camera, mean over these, pixels.
+fn mean_distance(fit: &LandmarkFit) -> f64 {
+    fit.cameras.iter().map(|(_, distances)| distances.median).sum::<f64>() / fit.cameras.len().max(1) as f64
 }
 
 /// Moves cameras to `factor` times their distances from the world's origin.

@@ -4,9 +4,9 @@ use crate::common::{make, poses, small_options};
 use ghand_capture::{Capture, Split};
 use ghand_core::Camera;
 use ghand_core::posing::pose_hand;
-use ghand_core::rotation::rotation_from_axis_angle;
+use ghand_core::rotation::{axis_angle_from_rotation, rotation_from_axis_angle};
 use ghand_fit::alignment::results::review::review;
-use ghand_fit::alignment::{Alignment, align};
+use ghand_fit::alignment::{Alignment, align, refine_rough_cameras};
 use ghand_synthetic::SyntheticOptions;
 use ghand_test_support::{cases, long};
 use glam::{DVec2, DVec3};
@@ -92,6 +92,34 @@ fn wrong_calibrations_are_refined_and_right_ones_kept() {
             assert!(told.fit[1].contours[0] < 1.5 && told.fingers.to_degrees() < 15.0, "{told:?}");
         }
     }
+}
+
+/// Mean angle between true and found directions of all cameras relative to the first one, degrees, and mean difference of the
+/// logarithms of the focal lengths.
+fn off(found: &[Camera], truth: &[Camera]) -> [f64; 2] {
+    let turn = |cameras: &[Camera], k: usize| cameras[k].rotation * cameras[0].rotation.transpose();
+    let between = |k: usize| axis_angle_from_rotation(&(turn(found, k) * turn(truth, k).transpose())).length();
+    let turns = (1..truth.len()).map(between).sum::<f64>() / (truth.len() - 1) as f64;
+    let focals = found.iter().zip(truth).map(|(found, truth)| (found.focal.x / truth.focal.x).ln().abs());
+    [turns.to_degrees(), focals.sum::<f64>() / truth.len() as f64]
+}
+
+#[test]
+fn cameras_that_only_landmarks_tell_are_refined_by_all_frames() {
+    let (capture, _folder) = make(&options(4, 24, 7));
+    let split = capture.split("train").unwrap();
+    // Farther away with longer focal lengths, or nearer with shorter ones: what landmarks tell least.
+    let farther = |(camera, by): (&Camera, f64)| Camera {
+        focal: camera.focal * by,
+        translation: camera.translation * DVec3::new(1.0, 1.0, by),
+        ..camera.clone()
+    };
+    let cameras = capture.cameras.iter().zip([1.1, 1.06, 0.94, 1.12]).map(farther).collect();
+    let rough = Capture { cameras, ..capture.clone() };
+    let refined = refine_rough_cameras(&rough, split, false).unwrap();
+    let [before, after] = [&rough.cameras, &refined].map(|cameras| off(cameras, &capture.cameras));
+    println!("degrees and focal lengths: {before:.4?}, refined {after:.4?}");
+    assert!(after[0] < 0.5 && after[1] < 0.02);
 }
 
 #[test]

@@ -48,8 +48,10 @@ const PARTS: [Part; 3] = [Part::Extrinsics, Part::PrincipalPoint, Part::FocalLen
 const LEAST_CAMERAS: usize = 3;
 /// Hands are not nearer, metres.
 const LEAST_DISTANCE: f64 = 0.01;
-/// Images that are fitted at a time: fewer frames of more cameras.
+/// Images that are fitted at a time, fewer frames of more cameras: of cameras with a calibration, and of those that only landmarks
+/// tell.
 const IMAGES: usize = 48;
+const ROUGH_IMAGES: usize = 400;
 /// Fewer frames tell nothing.
 const LEAST_FRAMES: usize = 4;
 /// Cameras that are left out in turn, at most.
@@ -145,7 +147,7 @@ impl Fit<'_> {
         views: &[FrameViews],
     ) -> Result<Option<Calibration>, InvalidHandModel> {
         let shaped = self.shaped()?.known();
-        let Some(frames) = chosen_frames(views, LEAST_CAMERAS) else { return Ok(None) };
+        let Some(frames) = chosen_frames(views, LEAST_CAMERAS, IMAGES) else { return Ok(None) };
         let mut used: Vec<usize> = views.iter().flatten().map(|(camera, _)| *camera).collect();
         used.sort_unstable();
         used.dedup();
@@ -204,7 +206,7 @@ impl Fit<'_> {
         calibration: &mut Calibration,
     ) -> Result<(), InvalidHandModel> {
         let shaped = self.shaped()?.known();
-        let Some(frames) = chosen_frames(views, LEAST_CAMERAS) else { return Ok(()) };
+        let Some(frames) = chosen_frames(views, LEAST_CAMERAS, IMAGES) else { return Ok(()) };
         let poses = frames.iter().map(|frame| self.poses[*frame].clone()).collect();
         let start = Solution { poses, changes: calibration.changes.clone() };
         let problem = Problem::new(self, &shaped, given, views, &frames, None);
@@ -222,7 +224,7 @@ impl Fit<'_> {
         changes: Vec<CameraChange>,
     ) -> Result<Vec<CameraChange>, InvalidHandModel> {
         let shaped = self.shaped()?.known();
-        let Some(frames) = chosen_frames(views, LEAST_ROUGH_CAMERAS) else { return Ok(changes) };
+        let Some(frames) = chosen_frames(views, LEAST_ROUGH_CAMERAS, ROUGH_IMAGES) else { return Ok(changes) };
         let poses = frames.iter().map(|frame| self.poses[*frame].clone()).collect();
         let problem = Problem { deviations: BY_LANDMARKS, ..Problem::new(self, &shaped, given, views, &frames, None) };
         Ok(problem.solve(parts, Solution { poses, changes }, &FURTHER_STEPS)?.changes)
@@ -240,11 +242,11 @@ fn moved(cameras: &[Camera], changes: &[CameraChange], used: &[usize]) -> Vec<St
     far.map(|camera| cameras[camera].id.clone()).collect()
 }
 
-/// The frames from which cameras are calibrated, evenly over those with enough images.
-fn chosen_frames(views: &[FrameViews], least: usize) -> Option<Vec<usize>> {
+/// The frames from which cameras are calibrated, with `images` at most in all, evenly over those that have `least` or more.
+fn chosen_frames(views: &[FrameViews], least: usize, images: usize) -> Option<Vec<usize>> {
     let shown: Vec<usize> = (0..views.len()).filter(|frame| views[*frame].len() >= least).collect();
     let per_frame = shown.iter().map(|frame| views[*frame].len()).max()?;
-    let count = (IMAGES / per_frame).max(LEAST_FRAMES).min(shown.len());
+    let count = (images / per_frame).max(LEAST_FRAMES).min(shown.len());
     (count >= LEAST_FRAMES).then(|| (0..count).map(|k| shown[(2 * k + 1) * shown.len() / (2 * count)]).collect())
 }
 
