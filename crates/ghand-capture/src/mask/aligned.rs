@@ -115,9 +115,7 @@ impl Capture {
         let arm = shown().filter(|i| is_beyond(*i, END)).collect();
         let at_wrist = |i: &usize| {
             let (x, y) = (*i % width, *i / width);
-            guide.is_beyond(x, y, 0.0)
-                && !guide.is_beyond(x, y, END)
-                && guide.distance(x, y).is_some_and(|distance| distance < 0.0)
+            guide.is_beyond(x, y, 0.0) && guide.distance(x, y).is_some_and(|distance| distance < 0.0)
         };
         let (skin, unknown) = (0..rgba.len()).filter(at_wrist).partition(|i| rgba[*i][3] > 0);
         Ok(WristPixels { arm, unknown, skin })

@@ -16,7 +16,7 @@ use crate::error::CaptureError;
 use crate::images::file::{Role, decode, read_bytes};
 
 /// Data after the PNG: this tag, the key, the facts. Changes whenever masks are made in another way.
-const MARK: [u8; 8] = *b"ghandms2";
+const MARK: [u8; 8] = *b"ghandms3";
 /// Lengths: tag, key, pixels, two brightnesses.
 const TRAILER: usize = 8 + 8 + 4 + 1 + 1;
 

@@ -38,8 +38,8 @@ impl Poses {
 /// The parts of hand and surroundings that may have any colour: a hand has few colours, what is behind it may have all.
 const ODD_HAND: f64 = 0.003;
 const ODD_SURROUNDINGS: f64 = 0.1;
-/// Pixels beyond this many bands from the start of the model's end are no part of a mask: the band is 6 % of the hand long,
-/// and poses are off by a little.
+/// Pixels outside of the posed model and this many bands beyond the start of its end are no part of a mask: the band is 6 % of
+/// the hand long, and poses are off by a little.
 const MOST_ARM: f64 = 1.6;
 /// Integer costs per natural unit of information.
 const UNIT: f64 = 64.0;
@@ -74,7 +74,8 @@ impl Colors {
                 let [column, row] = [columns.start + x, rows.start + y];
                 let is_seen = rgba.get(at(x, y)).is_some_and(|pixel| pixel[3] > 0);
                 let distance = guide.distance(column, row).filter(|d| *d < poses.reach() && is_seen);
-                let preference = match distance.filter(|_| !guide.is_beyond(column, row, MOST_ARM)) {
+                let may_be_hand = |d: &f64| *d < 0.0 || !guide.is_beyond(column, row, MOST_ARM);
+                let preference = match distance.filter(may_be_hand) {
                     Some(distance) => {
                         let place = (-distance / poses.deviation()).clamp(-MOST_PLACE, MOST_PLACE);
                         (UNIT * (place + self.odds(at(x, y), rgb(x, y)))) as i32
@@ -132,5 +133,41 @@ fn close_holes(mask: &mut [bool], width: usize) {
     let free: Vec<bool> = mask.iter().map(|inside| !inside).collect();
     for hole in parts(&free, width, EDGES).iter().filter(|part| part.len() <= least) {
         hole.iter().for_each(|&i| mask[i] = true);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use ghand_core::{Camera, Side};
+    use ghand_hand_model::builtin::builtin_hand;
+    use glam::DVec3;
+
+    use super::*;
+
+    #[test]
+    fn what_the_posed_model_covers_beyond_its_end_is_hand() {
+        const SKIN: [u8; 3] = [200, 140, 120];
+        let model = builtin_hand(Side::Right).unwrap();
+        // The arm, along +Y, comes towards the camera.
+        let wrist = model.joints[0];
+        let eye = wrist + 0.4 * DVec3::new(30_f64.to_radians().sin(), 30_f64.to_radians().cos(), 0.0);
+        let camera = Camera::look_at(eye, wrist, DVec3::Z, 0.6, 240, 200);
+        let guide = Guide::new(&camera, &model, &model.vertices, Poses::Aligned.reach()).unwrap();
+        let [mut hand, mut surroundings] = [0, 1].map(|_| Histogram::new());
+        hand.add(SKIN);
+        surroundings.add([60, 120, 90]);
+        let colors = Colors { hand: hand.smoothed(), surroundings: surroundings.smoothed(), still: Still::of(vec![]) };
+        // All is skin.
+        let rgba = vec![[SKIN[0], SKIN[1], SKIN[2], 255]; 240 * 200];
+        let mask = colors.mask(&rgba, 240, &guide, Poses::Aligned);
+        let is = |i: usize, bands: f64| guide.is_beyond(i % 240, i / 240, bands);
+        let inside = |i: &usize| guide.distance(i % 240, i / 240).is_some_and(|distance| distance < -0.02);
+        let beyond: Vec<usize> = (0..mask.len()).filter(inside).filter(|i| is(*i, MOST_ARM)).collect();
+        assert!(beyond.len() > 100, "{}", beyond.len());
+        assert!(beyond.iter().all(|i| mask[*i]));
+        // The arm beside it is not.
+        assert!(
+            (0..mask.len()).all(|i| !mask[i] || !is(i, MOST_ARM) || guide.distance(i % 240, i / 240).unwrap() < 0.0)
+        );
     }
 }
