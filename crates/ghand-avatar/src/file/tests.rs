@@ -1,8 +1,17 @@
 //! Files of avatars: what is written is read, and what is damaged is rejected.
 
 use super::*;
+use crate::light::{AvatarLight, Gloss, Lamp, Lamps, Light, LightKind, Trust};
+use crate::properties::PropertyTables;
+use crate::properties::direct::DirectTables;
 use crate::properties::direct::table_lengths;
+use crate::template::AvatarConfig;
+use ghand_core::pose_offsets::{PoseOffsets, TrackerOffsets};
+use ghand_hand_model::surface::sample_surface;
 use ghand_test_support::procedural_hand::ProceduralHand;
+use glam::{DMat3, DQuat, DVec3};
+use safetensors::SafeTensors;
+use safetensors::tensor::Dtype;
 
 /// A small avatar in a light from directions.
 fn lit() -> Avatar {
