@@ -6,6 +6,7 @@ pub mod checkpoints;
 mod divergence;
 mod lpips_term;
 mod memory_check;
+mod offset_curvature;
 pub mod pose_prior;
 pub mod presets;
 mod setting_rules;

@@ -19,6 +19,7 @@ use ghand_render::{Gpu, RenderError, buffers};
 
 use crate::checkpoint::SavedNumbers;
 use crate::lpips_term::LpipsTerm;
+use crate::offset_curvature::OffsetCurvature;
 use crate::settings::TrainSettings;
 use ghand_fit::views::TrainView;
 use ghand_measure::lpips::Lpips;
@@ -56,6 +57,7 @@ pub struct Step {
     scale_penalty: Penalty,
     color_roughness: Roughness,
     offset_roughness: Roughness,
+    offset_curvature: OffsetCurvature,
     poses: AdamTable,
     joints: AdamTable,
     lpips: Option<LpipsTerm>,
@@ -110,7 +112,8 @@ impl Rates {
 }
 
 impl Step {
-    /// Puts an avatar and `frames` poses on the device. `mobility` is 1 for joints whose rotation is refined, else 0.
+    /// Puts an avatar and `frames` poses on the device, to be trained on `images` images. `mobility` is 1 for joints whose
+    /// rotation is refined, else 0.
     ///
     /// # Errors
     /// [`RenderError`] if the device has too little memory or was lost.
@@ -118,6 +121,7 @@ impl Step {
         gpu: &Gpu,
         avatar: &Avatar,
         frames: usize,
+        images: usize,
         max_size: [u32; 2],
         mobility: &[f32],
     ) -> Result<Step, RenderError> {
@@ -139,13 +143,15 @@ impl Step {
             ]
         })?;
         let neighbors = neighbors(&avatar.template);
-        let [color_roughness, offset_roughness] = gpu.scoped("the penalties on roughness", || {
+        let (color_roughness, offset_roughness, offset_curvature) = gpu.scoped("the penalties on roughness", || {
             let colors = &deformation.properties().color;
             let gradients = &backward.gradients().color;
-            [
+            let (offsets, d_offsets) = (deformation.offsets(), backward.d_offsets());
+            (
                 Roughness::new(gpu, colors, gradients, 3, &neighbors, count),
-                Roughness::new(gpu, deformation.offsets(), backward.d_offsets(), 3, &neighbors, count),
-            ]
+                Roughness::new(gpu, offsets, d_offsets, 3, &neighbors, count),
+                OffsetCurvature::new(gpu, offsets, d_offsets, &avatar.template, &neighbors, images),
+            )
         })?;
         let adam = Adam::new(gpu)?;
         let joints =
@@ -160,6 +166,7 @@ impl Step {
             scale_penalty,
             color_roughness,
             offset_roughness,
+            offset_curvature,
             poses,
             joints,
             lpips: None,
@@ -299,7 +306,8 @@ impl Step {
         rates: &Rates,
     ) -> Result<StepOutcome, RenderError> {
         self.set_view_and_loss(gpu, view, value_count, background, settings, rates.pose.is_some())?;
-        let Step { scene, loss, backward, offset_penalty, scale_penalty, color_roughness, offset_roughness, .. } = self;
+        let Step { scene, loss, backward, offset_penalty, scale_penalty, color_roughness, .. } = self;
+        let Step { offset_roughness, offset_curvature, .. } = self;
         let encode_backward = |splatter: &Splatter, encoder: &mut wgpu::CommandEncoder| {
             splatter.backward(encoder);
             backward.encode_point_gradients(encoder);
@@ -307,6 +315,7 @@ impl Step {
             scale_penalty.encode(encoder);
             color_roughness.encode(encoder);
             offset_roughness.encode(encoder);
+            offset_curvature.encode(encoder);
             backward.encode_property_gradients(encoder);
         };
         let counters = match self.lpips.as_ref().filter(|_| rates.lpips && settings.lpips_weight > 0.0) {
@@ -427,6 +436,7 @@ impl Step {
         let per_gaussian = |weight: f64| (2.0 * weight / self.count as f64) as f32;
         self.offset_penalty.set_weight(gpu, per_gaussian(OFFSET_WEIGHT));
         let (scale_weight, offset_roughness) = if refine_poses { (SCALE_WEIGHT, 0.0) } else { (0.0, OFFSET_ROUGHNESS) };
+        self.offset_curvature.set_on(gpu, !refine_poses);
         self.scale_penalty.set_weight(gpu, per_gaussian(scale_weight));
         self.color_roughness.set_weight(gpu, per_gaussian(settings.color_roughness), COLOR_WIDTH);
         self.offset_roughness.set_weight(gpu, per_gaussian(offset_roughness), OFFSET_WIDTH);

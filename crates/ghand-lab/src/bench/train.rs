@@ -82,7 +82,7 @@ pub(super) fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()>
         })
         .collect();
     let mobility = vec![1.0; model.joint_count()];
-    let mut step = Step::new(&gpu, &avatar, 1, size, &mobility)?;
+    let mut step = Step::new(&gpu, &avatar, 1, views.len(), size, &mobility)?;
     step.set_pose(&gpu, 0, &poses[0])?;
     let set_up_s = start.elapsed().as_secs_f64();
     let mut times: BTreeMap<&'static str, Vec<f64>> = BTreeMap::new();

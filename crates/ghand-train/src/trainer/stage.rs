@@ -284,7 +284,7 @@ impl Problem {
         let largest = [0, 1].map(|axis| sizes[0][axis].max(sizes[1][axis]));
         // Behind the frames that are trained on.
         let others: &[Pose] = watched.map_or(&[], |watched| &watched.poses);
-        let mut step = Step::new(gpu, avatar, poses.len() + others.len(), largest, &mobility)?;
+        let mut step = Step::new(gpu, avatar, poses.len() + others.len(), self.views.len(), largest, &mobility)?;
         self.lpips.iter().for_each(|lpips| step.use_lpips(lpips));
         for (frame, pose) in poses.iter().chain(others).enumerate() {
             step.set_pose(gpu, frame, pose)?;

@@ -106,7 +106,7 @@ fn a_step_an_evaluation_and_a_capture_report_a_lost_device() {
         let size = [64, 96];
         let poses: Vec<_> = split.frames.iter().map(|f| capture.frames[*f].pose.clone()).collect();
         let mobility: Vec<f32> = moving_joints(&poses).iter().map(|m| f32::from(*m)).collect();
-        let mut step = Step::new(&gpu, &trained.avatar, poses.len(), size, &mobility).unwrap();
+        let mut step = Step::new(&gpu, &trained.avatar, poses.len(), views.len(), size, &mobility).unwrap();
         let rates = Rates { step: 1, tables: 1.0, pose: Some(1e-2), pose_step: 1, lpips: false };
         let mut run = |gpu: &Gpu| step.run(gpu, view, 1e4, [0.0; 3], &settings(), &rates);
         assert_eq!(run(&gpu).unwrap(), StepOutcome::Updated);

@@ -47,7 +47,7 @@ fn first_step(
     let settings = settings();
     let avatar = Avatar::untrained(&capture.template, &settings.avatar(), [0.5; 3], 1).unwrap();
     let mobility = vec![0.0; avatar.template.joint_count()];
-    let mut step = Step::new(gpu, &avatar, 1, [96, 128], &mobility).unwrap();
+    let mut step = Step::new(gpu, &avatar, 1, 1, [96, 128], &mobility).unwrap();
     step.set_pose(gpu, 0, &capture.frames[0].pose).unwrap();
     lpips.into_iter().for_each(|lpips| step.use_lpips(lpips));
     let rates = Rates { step: 1, tables: 1.0, pose: None, pose_step: 1, lpips: true };

@@ -88,7 +88,8 @@ fn a_step_whose_gradients_are_not_finite_changes_nothing() {
             let avatar = Avatar::untrained(&capture.template, &settings.avatar(), [0.8, 0.6, 0.5], 1).unwrap();
             let joints = avatar.template.joint_count();
             let learn = |losses: [f64; 3]| {
-                let mut step = Step::new(gpu, &avatar, split.frames.len(), [64, 96], &vec![1.0; joints]).unwrap();
+                let mut step =
+                    Step::new(gpu, &avatar, split.frames.len(), views.len(), [64, 96], &vec![1.0; joints]).unwrap();
                 for (at, frame) in split.frames.iter().enumerate() {
                     step.set_pose(gpu, at, &capture.frames[*frame].pose).unwrap();
                 }
@@ -150,7 +151,8 @@ fn measuring_the_loss_does_not_change_what_is_learned() {
         let avatar = Avatar::untrained(&capture.template, &config, [0.8, 0.6, 0.5], 1).unwrap();
         let joints = avatar.template.joint_count();
         let learn = |look: bool| {
-            let mut step = Step::new(gpu, &avatar, split.frames.len(), [64, 96], &vec![1.0; joints]).unwrap();
+            let mut step =
+                Step::new(gpu, &avatar, split.frames.len(), views.len(), [64, 96], &vec![1.0; joints]).unwrap();
             for (at, frame) in split.frames.iter().enumerate() {
                 step.set_pose(gpu, at, &capture.frames[*frame].pose).unwrap();
             }
@@ -184,7 +186,8 @@ fn a_frame_that_must_grow_is_learned_from_once() {
         tables.appearance[..avatar.template.len()].fill(5.0);
         let joints = avatar.template.joint_count();
         let learn = |grow_first: bool| {
-            let mut step = Step::new(gpu, &avatar, split.frames.len(), [64, 96], &vec![1.0; joints]).unwrap();
+            let mut step =
+                Step::new(gpu, &avatar, split.frames.len(), views.len(), [64, 96], &vec![1.0; joints]).unwrap();
             for (at, frame) in split.frames.iter().enumerate() {
                 step.set_pose(gpu, at, &capture.frames[*frame].pose).unwrap();
             }
