@@ -436,7 +436,7 @@ impl Step {
         let per_gaussian = |weight: f64| (2.0 * weight / self.count as f64) as f32;
         self.offset_penalty.set_weight(gpu, per_gaussian(OFFSET_WEIGHT));
         let (scale_weight, offset_roughness) = if refine_poses { (SCALE_WEIGHT, 0.0) } else { (0.0, OFFSET_ROUGHNESS) };
-        self.offset_curvature.set_on(gpu, !refine_poses);
+        self.offset_curvature.set_on(!refine_poses);
         self.scale_penalty.set_weight(gpu, per_gaussian(scale_weight));
         self.color_roughness.set_weight(gpu, per_gaussian(settings.color_roughness), COLOR_WIDTH);
         self.offset_roughness.set_weight(gpu, per_gaussian(offset_roughness), OFFSET_WIDTH);
