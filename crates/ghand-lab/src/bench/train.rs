@@ -21,7 +21,7 @@ use ghand_avatar::framing::turntable;
 pub(super) struct TrainArgs {
     #[command(flatten)]
     settings: SettingsArgs,
-    /// Approximate number of Gaussians [default: as the settings give on the built-in hand; 87779 with `--preset paper`]
+    /// Approximate number of Gaussians [default: as a set `uv_resolution` gives, or 10815; 87779 with `--preset paper`]
     #[arg(long, value_name = "N")]
     n: Option<usize>,
     /// Image size in pixels [default: 334x512]
@@ -37,6 +37,8 @@ pub(super) struct TrainArgs {
 
 /// Gaussians of the paper's model, on MANO.
 const PAPER_GAUSSIANS: usize = 87_779;
+/// Gaussians where the settings leave them to a capture's images, which this has not.
+const GAUSSIANS: usize = 10_815;
 
 #[derive(serde::Serialize)]
 struct Report {
@@ -58,7 +60,11 @@ pub(super) fn run(args: &TrainArgs, adapter: &AdapterArgs) -> anyhow::Result<()>
     let mut settings = args.settings.fixed_settings(None)?;
     settings.check()?;
     let model = builtin_hand(Side::Right)?;
-    let wanted = args.n.or_else(|| (args.settings.preset() == "paper").then_some(PAPER_GAUSSIANS));
+    let unless_set = || match args.settings.preset() {
+        "paper" => Some(PAPER_GAUSSIANS),
+        _ => (settings.uv_resolution == 0).then_some(GAUSSIANS),
+    };
+    let wanted = args.n.or_else(unless_set);
     if let Some(count) = wanted {
         settings.uv_resolution = resolution_for(&model, count)?;
     }

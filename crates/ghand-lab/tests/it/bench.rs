@@ -18,6 +18,14 @@ fn avatars_are_posed_in_turns() {
 }
 
 #[test]
+fn training_steps_are_timed_without_a_number_of_gaussians() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = run(LAB, folder.path(), &["bench", "train", "--iterations", "1", "--size", "96x128", "--json"]);
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(report["gaussians"], 10_815);
+}
+
+#[test]
 fn too_little_device_memory_is_one_sentence_that_names_the_request() {
     let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap();
     let Some(driver) = FailingDriver::new(&gpu) else { return };
