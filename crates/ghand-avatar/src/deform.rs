@@ -1,7 +1,7 @@
 //! Deforms a hand: from the properties of its Gaussians and a pose to posed Gaussians, and the gradients back
 //! (paper eq. 7 to 11).
 //!
-//! skeleton -> (the property model) -> blend_shapes -> residual_skeleton -> skin -> shade; the backward pass runs in
+//! skeleton -> (the property model) -> blend_shapes -> residual_skeleton -> skin -> stretch -> shade; the backward pass runs in
 //! the opposite order. A [`baked`] hand has one stage after the skeleton instead, and no backward pass. Each stage has a
 //! file, named like its shaders and its twin in `ghand-core`. All tables are joint- or component-major (`[rows][N]`), so
 //! that neighbouring invocations access neighbouring words.
@@ -15,6 +15,7 @@ mod residual_skeleton;
 mod shade;
 mod skeleton;
 mod skin;
+mod stretch;
 mod weight_table;
 
 use bytemuck::{Pod, Zeroable};
@@ -34,6 +35,7 @@ use residual_skeleton::{ResidualSkeleton, ResidualSkeletonBackward};
 use shade::{Shade, ShadeBackward};
 use skeleton::{Skeleton, SkeletonBackward};
 use skin::{Skin, SkinBackward};
+use stretch::{Stretch, StretchBackward};
 
 /// Floats of one joint in a chain, as in `shaders/shared/pose.wgsl`.
 pub const CHAIN_STRIDE: usize = 33;
@@ -76,6 +78,8 @@ pub struct DeformTemplate<'a> {
     pub weights: &'a [f32],
     /// Rest normals, `[3][N]`, unit length, if shading or flat Gaussians need posed ones.
     pub normals: Option<&'a [f32]>,
+    /// Neighbours of each Gaussian, `[any number][N]`; a missing one is the Gaussian itself.
+    pub neighbors: &'a [u32],
     /// Rest joints, `[n_b][3]`, metres.
     pub joints: &'a [f32],
     /// Parent of each joint, -1 for the root.
@@ -168,6 +172,7 @@ struct PropertyStages {
     blend_shapes: BlendShapes,
     residual_skeleton: Option<ResidualSkeleton>,
     skin: Skin,
+    stretch: Stretch,
     normals: Option<Normals>,
 }
 
@@ -235,6 +240,7 @@ impl Deformation {
                 blend_shapes: BlendShapes::new(gpu, &buffers),
                 residual_skeleton: (!template.plain_skinning).then(|| ResidualSkeleton::new(gpu, &buffers)),
                 skin: Skin::new(gpu, &buffers),
+                stretch: Stretch::new(gpu, &buffers, template.neighbors),
                 normals: template.normals.map(|normals| Normals::new(gpu, &buffers, normals)),
             })),
             shade: template
@@ -393,6 +399,7 @@ impl Deformation {
                     residual_skeleton.encode(&mut pass);
                 }
                 stages.skin.encode(&mut pass);
+                stages.stretch.encode(&mut pass);
             }
             Posing::Baked(baked) => baked.encode(&mut pass),
         }
@@ -407,8 +414,6 @@ impl Deformation {
         drop(pass);
         let p = &self.buffers.properties;
         let row = row_bytes(&self.current);
-        let scale = self.place.byte(SplatModel::SCALE_ROW as u64);
-        encoder.copy_buffer_to_buffer(&p.scale, 0, &self.buffers.gaussians, scale, row);
         if let Some(normals) = self.normals().filter(|_| self.place.shape == Shape::Flat) {
             for c in 0..3 {
                 let to = self.place.byte(SplatModel::SCALE_ROW as u64 + 1 + c);
@@ -449,6 +454,7 @@ pub struct DeformationBackward {
     place: TablePlace,
     row_bytes: u64,
     skin: SkinBackward,
+    stretch: StretchBackward,
     shade: Option<ShadeBackward>,
     residual_skeleton: Option<ResidualSkeletonBackward>,
     blend_shapes: BlendShapesBackward,
@@ -473,6 +479,7 @@ impl DeformationBackward {
         };
         DeformationBackward {
             skin: SkinBackward::new(gpu, b, &d),
+            stretch: StretchBackward::new(gpu, b, &d),
             shade: forward.shade.as_ref().map(|shade| ShadeBackward::new(gpu, shade, b, &d)),
             residual_skeleton: (!sizes.plain_skinning).then(|| ResidualSkeletonBackward::new(gpu, b, &d)),
             blend_shapes: BlendShapesBackward::new(gpu, b, &d),
@@ -515,8 +522,6 @@ impl DeformationBackward {
         let b = &self.buffers;
         let g = &self.buffers.gradients;
         let row = self.row_bytes;
-        let scale = self.place.byte(SplatModel::SCALE_ROW as u64);
-        encoder.copy_buffer_to_buffer(&b.d_gaussians, scale, &g.scale, 0, row);
         if self.shade.is_none() {
             for c in 0..3 {
                 let from = self.place.byte(self.place.color_row() + c);
@@ -527,6 +532,7 @@ impl DeformationBackward {
         if let Some(shade) = &self.shade {
             shade.encode(&mut pass);
         }
+        self.stretch.encode(&mut pass);
         self.skin.encode(&mut pass);
     }
 

@@ -12,6 +12,7 @@ use glam::{DMat3, DVec3};
 use crate::avatar::Avatar;
 use crate::light::Light;
 use crate::light::lit_hand::LitHand;
+use crate::neighbors::neighbors;
 use crate::properties::{DeviceModel, PropertyTables};
 
 /// An avatar on the device.
@@ -62,6 +63,7 @@ impl PosedAvatar {
             return PosedAvatar::with(gpu, avatar, deformation, frames);
         }
         let deform_template = DeformTemplate {
+            neighbors: &neighbors(template),
             normals: template.normals.as_deref(),
             rest: &template.rest,
             weights: &template.weights,

@@ -12,6 +12,7 @@ use ghand_core::deformation::{DeformationInputs, Deformed, deform, deform_vjp};
 use ghand_core::pose_response::{PoseResponse, pose_features, response_features_vjp};
 use ghand_core::posing::pose_hand;
 use ghand_core::skinning::{Skinning, skin_normals};
+use ghand_core::stretch::stretch;
 use ghand_core::{InvalidHandModel, Pose};
 use ghand_hand_model::HandModelError;
 use ghand_render::reference::project::{Color, Gaussian};
@@ -19,6 +20,7 @@ use ghand_render::splat::FLATNESS;
 use glam::{DQuat, DVec3, DVec4};
 
 use crate::avatar::Avatar;
+use crate::neighbors::neighbors;
 use crate::properties::PropertyTables;
 use crate::properties::direct::DirectTables;
 use crate::properties::network::NetworkTables;
@@ -196,6 +198,8 @@ pub fn pose_network(avatar: &Avatar, tables: &NetworkTables, pose: &Pose) -> Res
     };
     let deformed = deform(&deformation, pose);
     let normals = posed_normals(avatar, &deformation, &deformed, pose);
+    let factors = stretch(&neighbors(template), &deformed.rest, &deformed.posed);
+    let scales = scales.iter().zip(factors).map(|(scale, factor)| scale * factor).collect();
     Ok(PosedGaussians { means: deformed.posed, scales, normals, colors: vectors(&colors, 0, count) })
 }
 
@@ -239,6 +243,7 @@ pub struct DirectTwin<'a> {
     residual_weights: Vec<f64>,
     regressor: Vec<f64>,
     appearance: Vec<f64>,
+    neighbors: Vec<u32>,
 }
 
 /// A pose of a [`DirectTwin`], with what its derivative needs.
@@ -249,6 +254,9 @@ pub struct PosedTwin {
     features: Vec<[f64; 9]>,
     coefficients: Vec<DVec3>,
     color_values: Vec<f64>,
+    /// Standard deviations before skinning stretches them, metres, and the factors by which it does.
+    scales: Vec<f64>,
+    stretch: Vec<f64>,
 }
 
 /// Gradients, by the names and in the layout of the device's.
@@ -287,6 +295,7 @@ impl<'a> DirectTwin<'a> {
             residual_weights: residual(residual_weights),
             regressor: residual(regressor),
             appearance: widen(appearance),
+            neighbors: neighbors(template),
         }
     }
 
@@ -324,7 +333,8 @@ impl<'a> DirectTwin<'a> {
         let coefficients = coefficients(&self.avatar.config, &channels, count);
         let deformed = deform(&self.deformation(&coefficients), pose);
         let largest = f64::from(self.avatar.max_scale());
-        let scales = self.appearance[..count].iter().map(|logit| largest * sigmoid(*logit)).collect();
+        let scales: Vec<f64> = self.appearance[..count].iter().map(|logit| largest * sigmoid(*logit)).collect();
+        let stretch = stretch(&self.neighbors, &deformed.rest, &deformed.posed);
         let mut logits = vectors(&self.appearance, 1, count);
         for j in 0..config.color_components {
             let values = &color_values[j * count..];
@@ -332,12 +342,14 @@ impl<'a> DirectTwin<'a> {
         }
         let colors = logits.iter().map(|c| DVec3::new(sigmoid(c.x), sigmoid(c.y), sigmoid(c.z))).collect();
         let normals = posed_normals(self.avatar, &self.deformation(&coefficients), &deformed, pose);
-        let gaussians = PosedGaussians { means: deformed.posed.clone(), scales, normals, colors };
-        PosedTwin { gaussians, deformed, features, coefficients, color_values }
+        let stretched = scales.iter().zip(&stretch).map(|(scale, factor)| scale * factor).collect();
+        let gaussians = PosedGaussians { means: deformed.posed.clone(), scales: stretched, normals, colors };
+        PosedTwin { gaussians, deformed, features, coefficients, color_values, scales, stretch }
     }
 
     /// Gradients from dL/d(centres), dL/d(standard deviations) and dL/d(colours), N each, and from the penalties
-    /// `offset_weight / 2` times the squared offsets and `scale_weight / 2` times the squared standard deviations.
+    /// `offset_weight / 2` times the squared offsets and `scale_weight / 2` times the squared standard deviations before
+    /// skinning stretches them. That the stretch depends on the places is neglected, as on the device.
     pub fn gradients(
         &self,
         pose: &Pose,
@@ -348,9 +360,9 @@ impl<'a> DirectTwin<'a> {
         let config = &self.avatar.config;
         let count = self.count();
         let largest = f64::from(self.avatar.max_scale());
-        let PosedGaussians { scales, colors, .. } = &posed.gaussians;
+        let PosedTwin { scales, stretch, gaussians: PosedGaussians { colors, .. }, .. } = posed;
         let d_scale = (0..count)
-            .map(|p| (d.scales[p] + scale_weight * scales[p]) * scales[p] * (1.0 - scales[p] / largest))
+            .map(|p| (d.scales[p] * stretch[p] + scale_weight * scales[p]) * scales[p] * (1.0 - scales[p] / largest))
             .collect();
         let d_logits: Vec<DVec3> = d.colors.iter().zip(colors).map(|(d, c)| *d * *c * (DVec3::ONE - *c)).collect();
         let mut d_appearance: Vec<f64> = [d_scale, rows(&d_logits)].concat();

@@ -25,6 +25,7 @@ pub mod skeleton;
 pub mod skinning;
 pub mod sphere;
 pub mod statistics;
+pub mod stretch;
 
 pub use camera::Camera;
 pub use hand_model::{HandModel, InvalidHandModel, PoseSpace, Side};

@@ -37,7 +37,6 @@ impl ExactPoses {
         let table = self.hand.table(gpu)?;
         let n = ordered.order.len();
         let properties = self.hand.properties();
-        let scale: Vec<f32> = buffers::read(gpu, &properties.scale, n)?;
         let color: Vec<f32> = buffers::read(gpu, &properties.color, 3 * n)?;
         let one = |i: usize| {
             let p = ordered.order[i];
@@ -47,7 +46,7 @@ impl ExactPoses {
                 .fold(Affine::ZERO, |sum, (k, w)| sum.add_scaled(Ordered::weight(*w), &chain.posed_from_rest[*k]));
             let rest = unposed(&map, mean - pose.translation);
             let [x, y, z] = rest.as_vec3().to_array();
-            [x, y, z, scale[p], color[p], color[n + p], color[2 * n + p]]
+            [x, y, z, table[3 * n + p], color[p], color[n + p], color[2 * n + p]]
         };
         Ok((0..n).into_par_iter().map(one).collect())
     }

@@ -22,6 +22,12 @@ pub const JOINTS: usize = 7;
 pub const BASES: usize = 3;
 pub const PARENTS: [Option<usize>; JOINTS] = [None, Some(0), Some(1), Some(2), Some(0), Some(4), Some(0)];
 
+/// Those before and after each Gaussian; the first and the last have one.
+pub static NEIGHBORS: LazyLock<Vec<u32>> = LazyLock::new(|| {
+    let before = (0..COUNT as u32).map(|p| p.saturating_sub(1));
+    before.chain((0..COUNT as u32).map(|p| (p + 1).min(COUNT as u32 - 1))).collect()
+});
+
 /// The options of a hand.
 #[derive(Debug, Clone, Copy)]
 pub struct Kind {
@@ -154,6 +160,7 @@ impl Run {
             rest: &rest,
             weights: &weights,
             normals: Some(&normals),
+            neighbors: &NEIGHBORS,
             joints: &joints,
             parents: &parents,
             basis_count: BASES,

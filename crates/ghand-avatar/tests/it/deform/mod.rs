@@ -9,3 +9,4 @@ mod residual_skeleton;
 mod shade;
 mod skeleton;
 mod skin;
+mod stretch;

@@ -60,6 +60,7 @@ impl Case {
             rest: &random(2, 3 * COUNT, 0.1),
             weights: &[1.0; 2 * COUNT],
             normals: None,
+            neighbors: &(0..COUNT as u32).collect::<Vec<_>>(),
             joints: &[0.0; 6],
             parents: &[-1, 0],
             basis_count: 1,
