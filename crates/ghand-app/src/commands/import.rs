@@ -165,11 +165,12 @@ fn describe(imported: &Imported, args: &ImportArgs, start: Instant, adapter: &Ad
     let splits: Vec<String> = capture.splits.keys().cloned().collect();
     let unseen = capture.skip_unusable_images(&splits.iter().map(String::as_str).collect::<Vec<_>>())?;
     let cameras = cameras(imported);
-    for CameraSummary { id, images, found, focal, to_first, error, .. } in &cameras {
-        let error = error.as_deref().unwrap_or("-");
+    for (k, CameraSummary { id, images, found, focal, to_hand, to_first, error, .. }) in cameras.iter().enumerate() {
+        let landmarks = error.as_ref().map(|e| format!("; landmarks are {e} off the hand")).unwrap_or_default();
+        let from_first = if k > 0 { format!(" and {to_first} from the first camera") } else { String::new() };
         say!(
-            "{id}: {images}; the hand is in {found} frames; focal length {focal}, {to_first} from the first camera; landmarks \
-             are {error} off the hand"
+            "{id}: {images}; the hand is in {found} frames; focal length {focal}; {to_hand} from \
+             the hand{from_first}{landmarks}"
         );
     }
     for [id, seconds, frames, agreement] in clock_rows(imported) {
