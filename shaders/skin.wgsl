@@ -9,14 +9,21 @@ import package::shared::weights::{joint_at, joints_of, weight_row};
 
 @group(0) @binding(6) var<storage, read> poses: array<f32>;
 @group(0) @binding(7) var<storage, read_write> gaussians: array<f32>;
+// Skinned points before the translation, [3][N], metres: far away only their differences are exact.
+@group(0) @binding(8) var<storage, read_write> skinned: array<f32>;
 
-// Of the splatter's table; the mean is in its first three rows.
-fn store(row: u32, p: vec4<u32>, stored: vec4<bool>, value: vec4<f32>) {
+// With a translation, to the splatter's table, where the mean is in the first three rows.
+fn store(row: u32, p: vec4<u32>, stored: vec4<bool>, value: vec4<f32>, translation: f32) {
+    let here = vec4(row * pose.gaussian_count) + p;
+    if stored.x { skinned[here.x] = value.x; }
+    if stored.y { skinned[here.y] = value.y; }
+    if stored.z { skinned[here.z] = value.z; }
+    if stored.w { skinned[here.w] = value.w; }
     let at = vec4(row * pose.table_columns + pose.table_first) + p;
-    if stored.x { gaussians[at.x] = value.x; }
-    if stored.y { gaussians[at.y] = value.y; }
-    if stored.z { gaussians[at.z] = value.z; }
-    if stored.w { gaussians[at.w] = value.w; }
+    if stored.x { gaussians[at.x] = value.x + translation; }
+    if stored.y { gaussians[at.y] = value.y + translation; }
+    if stored.z { gaussians[at.z] = value.z + translation; }
+    if stored.w { gaussians[at.w] = value.w + translation; }
 }
 
 @compute @workgroup_size(64)
@@ -59,7 +66,7 @@ fn skin(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
     let z = offset_row(ROW_POINT + 2u, p);
     let stored = in_range4(i, n);
     let t = pose.pose_offset + 3u * pose.joint_count;
-    store(0u, p, stored, row_x[0] * x + row_x[1] * y + row_x[2] * z + row_x[3] + poses[t]);
-    store(1u, p, stored, row_y[0] * x + row_y[1] * y + row_y[2] * z + row_y[3] + poses[t + 1u]);
-    store(2u, p, stored, row_z[0] * x + row_z[1] * y + row_z[2] * z + row_z[3] + poses[t + 2u]);
+    store(0u, p, stored, row_x[0] * x + row_x[1] * y + row_x[2] * z + row_x[3], poses[t]);
+    store(1u, p, stored, row_y[0] * x + row_y[1] * y + row_y[2] * z + row_y[3], poses[t + 1u]);
+    store(2u, p, stored, row_z[0] * x + row_z[1] * y + row_z[2] * z + row_z[3], poses[t + 2u]);
 }

@@ -15,20 +15,21 @@ const ROW_SCALE: u32 = 3u;
 // [NEIGHBORS][N]; a missing one is the Gaussian itself.
 @group(0) @binding(1) var<storage, read> neighbors: array<u32>;
 @group(0) @binding(2) var<storage, read> offsets: array<f32>;
+// Points after skinning, before the translation, [3][N], metres.
+@group(0) @binding(3) var<storage, read> skinned: array<f32>;
 // Before skinning, [N], metres, and its gradient.
-@group(0) @binding(3) var<storage, read> scale: array<f32>;
-@group(0) @binding(4) var<storage, read_write> d_scale: array<f32>;
-@group(0) @binding(5) var<storage, read_write> gaussians: array<f32>;
-@group(0) @binding(6) var<storage, read> d_gaussians: array<f32>;
+@group(0) @binding(4) var<storage, read> scale: array<f32>;
+@group(0) @binding(5) var<storage, read_write> d_scale: array<f32>;
+@group(0) @binding(6) var<storage, read_write> gaussians: array<f32>;
+@group(0) @binding(7) var<storage, read> d_gaussians: array<f32>;
 
 fn point(p: u32) -> vec3<f32> {
     let at = ROW_POINT * pose.gaussian_count + p;
     return vec3(offsets[at], offsets[at + pose.gaussian_count], offsets[at + 2u * pose.gaussian_count]);
 }
 
-fn posed_mean(p: u32) -> vec3<f32> {
-    let at = pose.table_first + p;
-    return vec3(gaussians[at], gaussians[at + pose.table_columns], gaussians[at + 2u * pose.table_columns]);
+fn skinned_point(p: u32) -> vec3<f32> {
+    return vec3(skinned[p], skinned[p + pose.gaussian_count], skinned[p + 2u * pose.gaussian_count]);
 }
 
 fn posed_scale(p: u32) -> u32 {
@@ -44,13 +45,13 @@ fn stretch(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) gro
         return;
     }
     let rest = point(p);
-    let posed = posed_mean(p);
+    let posed = skinned_point(p);
     var before = 0.0;
     var after = 0.0;
     for (var k = 0u; k < NEIGHBORS; k++) {
         let q = neighbors[k * n + p];
         let at_rest = point(q) - rest;
-        let when_posed = posed_mean(q) - posed;
+        let when_posed = skinned_point(q) - posed;
         before += dot(at_rest, at_rest);
         after += dot(when_posed, when_posed);
     }

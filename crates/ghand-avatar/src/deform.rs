@@ -153,6 +153,7 @@ struct ForwardBuffers {
     residual_joints: wgpu::Buffer,
     residual_chain: wgpu::Buffer,
     offsets: wgpu::Buffer,
+    skinned: wgpu::Buffer,
     properties: Properties,
     gaussians: wgpu::Buffer,
 }
@@ -231,6 +232,7 @@ impl Deformation {
             residual_joints: buffers::zeroed(gpu, "residual joints", 3 * joints),
             residual_chain: buffers::zeroed(gpu, "residual chain", CHAIN_STRIDE * joints),
             offsets: buffers::zeroed(gpu, "offsets", OFFSET_ROWS * count),
+            skinned: buffers::zeroed(gpu, "skinned points", 3 * count),
             properties: Properties::zeroed(gpu, sizes),
             gaussians: gaussians.clone(),
         };
@@ -285,6 +287,7 @@ impl Deformation {
             residual_joints: none("residual joints"),
             residual_chain: none("residual chain"),
             offsets: none("offsets"),
+            skinned: none("skinned points"),
             properties: Properties::colors(gpu, tables.count, joints, lit),
             gaussians: gaussians.clone(),
         };

@@ -22,6 +22,7 @@ impl Skin {
                 residual_chain: &b.residual_chain,
                 poses: &b.poses,
                 gaussians: &b.gaussians,
+                skinned: &b.skinned,
                 offsets: &b.offsets,
                 weights: &b.weights,
             },

@@ -24,6 +24,7 @@ impl Stretch {
                 pose: &b.pose,
                 neighbors: &buffers::filled(gpu, "neighbours", neighbors),
                 offsets: &b.offsets,
+                skinned: &b.skinned,
                 scale: &b.properties.scale,
                 gaussians: &b.gaussians,
             },
