@@ -11,6 +11,7 @@ pub mod pose_prior;
 pub mod presets;
 mod setting_rules;
 pub mod settings;
+mod smooth_gradients;
 pub mod step;
 pub mod train_error;
 pub mod trainer;

@@ -1,14 +1,17 @@
 //! The penalty on the curvature of the offsets over the surface.
 
 use ghand_avatar::Template;
-use ghand_core::statistics::median;
 use ghand_render::roughness::Roughness;
 use ghand_render::{Gpu, buffers};
+
+use crate::smooth_gradients::{is_fine, spacing};
 
 /// Weight of the mean squared Laplacian of the offsets, square metres, times the number of training images: the fewer, the
 /// less they say where a Gaussian is. Without, small Gaussians scatter about those around them, which in other poses frays
 /// the outline into flakes.
 const WEIGHT: f64 = 8e-9;
+/// The weight of fine Gaussians, whose gradients are smoothed, is as many times that.
+const FINE_FACTOR: f64 = 10.0;
 /// All differences, metres, count quadratically.
 const WIDTH: f32 = 1e4;
 
@@ -38,9 +41,9 @@ impl OffsetCurvature {
         let mut of_offsets = Roughness::new(gpu, offsets, &laplacian, 3, neighbors, count);
         of_offsets.set_weight(gpu, 1.0, WIDTH);
         let mut of_laplacian = Roughness::new(gpu, &laplacian, gradients, 3, neighbors, count);
-        let spacing = median(template.spacings.iter().map(|s| f64::from(*s)));
+        let factor = if is_fine(template) { FINE_FACTOR } else { 1.0 };
         // Gradient of the mean.
-        let weight = 2.0 * WEIGHT / (count * images.max(1)) as f64 / spacing.powi(4);
+        let weight = 2.0 * factor * WEIGHT / (count * images.max(1)) as f64 / spacing(template).powi(4);
         of_laplacian.set_weight(gpu, weight as f32, WIDTH);
         OffsetCurvature { laplacian, of_offsets, of_laplacian, on: false }
     }
@@ -72,8 +75,8 @@ mod tests {
 
     use super::*;
 
-    fn hand() -> Template {
-        Template::sample(&builtin_hand(Side::Right).unwrap(), 32).unwrap()
+    fn hand(resolution: u32) -> Template {
+        Template::sample(&builtin_hand(Side::Right).unwrap(), resolution).unwrap()
     }
 
     fn scatter(template: &Template, metres: f64) -> Vec<f64> {
@@ -107,15 +110,14 @@ mod tests {
     #[test]
     fn the_gradient_is_that_of_the_squared_laplacian_by_the_number_of_images() {
         let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
-        let template = hand();
+        let template = hand(32);
         let (count, neighbors) = (template.len(), neighbors(&template));
         let values = scatter(&template, 1e-3);
         // About as large as what is added.
         let before = vec![1e-5f32; values.len()];
         let gradient = |images: usize, on: bool| gradient(&gpu, &template, &values, &before, images, on);
         assert_eq!(gradient(9, false), before, "off, it adds nothing");
-        let spacing = median(template.spacings.iter().map(|s| f64::from(*s)));
-        let weight = 2.0 * WEIGHT / (count * 9) as f64 / spacing.powi(4);
+        let weight = 2.0 * WEIGHT / (count * 9) as f64 / spacing(&template).powi(4);
         let (got, few) = (gradient(9, true), gradient(3, true));
         let largest = got.iter().map(|g| (f64::from(*g) - 1e-5).abs()).fold(0.0, f64::max);
         for i in (0..values.len()).step_by(31) {
@@ -133,12 +135,27 @@ mod tests {
     }
 
     #[test]
+    fn it_counts_more_for_fine_gaussians() {
+        let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
+        let template = hand(400);
+        let (count, neighbors) = (template.len(), neighbors(&template));
+        let values = scatter(&template, 1e-4);
+        let got = gradient(&gpu, &template, &values, &vec![0.0; values.len()], 9, true);
+        let weight = 2.0 * FINE_FACTOR * WEIGHT / (count * 9) as f64 / spacing(&template).powi(4);
+        let expected = laplacian(&laplacian(&values, &neighbors, count), &neighbors, count);
+        let largest = expected.iter().map(|e| e.abs()).fold(0.0, f64::max);
+        for (got, expected) in got.iter().zip(&expected) {
+            assert!((f64::from(*got) / weight - expected).abs() < 1e-4 * largest, "{got}, {}", weight * expected);
+        }
+    }
+
+    #[test]
     fn scatter_counts_much_more_than_a_knuckle() {
         let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
-        let template = hand();
+        let template = hand(32);
         let count = template.len();
         let noise = scatter(&template, 1e-3);
-        let spacing = median(template.spacings.iter().map(|s| f64::from(*s)));
+        let spacing = spacing(&template);
         // A bump as wide as four Gaussians, on the first one.
         let at = |p: usize| [0, 1, 2].map(|axis| f64::from(template.rest[axis * count + p]));
         let bump = |p: usize| {

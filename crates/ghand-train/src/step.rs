@@ -21,6 +21,7 @@ use crate::checkpoint::SavedNumbers;
 use crate::lpips_term::LpipsTerm;
 use crate::offset_curvature::OffsetCurvature;
 use crate::settings::TrainSettings;
+use crate::smooth_gradients::SmoothGradients;
 use ghand_fit::views::TrainView;
 use ghand_measure::lpips::Lpips;
 
@@ -58,6 +59,7 @@ pub struct Step {
     color_roughness: Roughness,
     offset_roughness: Roughness,
     offset_curvature: OffsetCurvature,
+    smooth_gradients: SmoothGradients,
     poses: AdamTable,
     joints: AdamTable,
     lpips: Option<LpipsTerm>,
@@ -153,6 +155,9 @@ impl Step {
                 OffsetCurvature::new(gpu, offsets, d_offsets, &avatar.template, &neighbors, images),
             )
         })?;
+        let smooth_gradients = gpu.scoped("the smoothed gradients of the offsets", || {
+            SmoothGradients::new(gpu, backward.d_offsets(), &avatar.template, &neighbors)
+        })?;
         let adam = Adam::new(gpu)?;
         let joints =
             adam.table(gpu, deformation.joints(), backward.d_joints(), 3 * joint_count, 1, Grouping::Scalars)?;
@@ -167,6 +172,7 @@ impl Step {
             color_roughness,
             offset_roughness,
             offset_curvature,
+            smooth_gradients,
             poses,
             joints,
             lpips: None,
@@ -307,7 +313,7 @@ impl Step {
     ) -> Result<StepOutcome, RenderError> {
         self.set_view_and_loss(gpu, view, value_count, background, settings, rates.pose.is_some())?;
         let Step { scene, loss, backward, offset_penalty, scale_penalty, color_roughness, .. } = self;
-        let Step { offset_roughness, offset_curvature, .. } = self;
+        let Step { offset_roughness, offset_curvature, smooth_gradients, .. } = self;
         let encode_backward = |splatter: &Splatter, encoder: &mut wgpu::CommandEncoder| {
             splatter.backward(encoder);
             backward.encode_point_gradients(encoder);
@@ -316,6 +322,7 @@ impl Step {
             color_roughness.encode(encoder);
             offset_roughness.encode(encoder);
             offset_curvature.encode(encoder);
+            smooth_gradients.encode(encoder);
             backward.encode_property_gradients(encoder);
         };
         let counters = match self.lpips.as_ref().filter(|_| rates.lpips && settings.lpips_weight > 0.0) {
@@ -437,6 +444,7 @@ impl Step {
         self.offset_penalty.set_weight(gpu, per_gaussian(OFFSET_WEIGHT));
         let (scale_weight, offset_roughness) = if refine_poses { (SCALE_WEIGHT, 0.0) } else { (0.0, OFFSET_ROUGHNESS) };
         self.offset_curvature.set_on(!refine_poses);
+        self.smooth_gradients.set_on(!refine_poses);
         self.scale_penalty.set_weight(gpu, per_gaussian(scale_weight));
         self.color_roughness.set_weight(gpu, per_gaussian(settings.color_roughness), COLOR_WIDTH);
         self.offset_roughness.set_weight(gpu, per_gaussian(offset_roughness), OFFSET_WIDTH);
