@@ -139,7 +139,7 @@ pub struct TrainSettings {
     /// Seed of all random numbers; `--seed N` sets it, too.
     pub seed: u64,
     /// Resolution of the UV raster; each texel on the hand is one Gaussian. 0: as the images show the hand, so that Gaussians
-    /// are some 1.75 pixels wide; from 96 to 512, with `model=network` to 160.
+    /// are some 1.75 pixels wide, beyond 512 some 2.6; from 96 to 768, with `model=network` to 160.
     pub uv_resolution: u32,
     /// Blocks of 2x2 texels become one Gaussian where no training image shows texels with edges of this length or more,
     /// pixels, also where none shows them at all; 0: none. With `model=direct`.

@@ -8,9 +8,14 @@ use crate::settings::{Model, TrainSettings};
 
 /// Width of a Gaussian, pixels, with which images are shown sharply.
 const WANTED: f64 = 1.75;
-/// The UV raster's least and largest resolution, and the largest with networks, which are slow.
+/// The UV raster's least resolution, that from which on Gaussians may be wider, the largest, and the largest with networks,
+/// which are slow.
 const LEAST: f64 = 96.0;
-const LARGEST: f64 = 512.0;
+const LARGE: f64 = 512.0;
+/// Width, pixels, where the raster is larger than that: twice the Gaussians of `WANTED` would take twice the time and hardly
+/// show more.
+const WANTED_OF_LARGE: f64 = 2.6;
+const LARGEST: f64 = 768.0;
 const LARGEST_OF_NETWORKS: f64 = 160.0;
 /// It is a multiple of this.
 const STEP: f64 = 16.0;
@@ -37,7 +42,9 @@ pub fn with_resolution(
     let mut settings = settings.clone();
     if settings.uv_resolution == 0 {
         let largest = if settings.model == Model::Network { LARGEST_OF_NETWORKS } else { LARGEST };
-        let wanted = LEAST * gaussian_width(capture, split, LEAST as u32)? / WANTED;
+        let width = gaussian_width(capture, split, LEAST as u32)?;
+        let with_width = |wanted: f64| LEAST * width / wanted;
+        let wanted = with_width(WANTED).min(with_width(WANTED_OF_LARGE).max(LARGE));
         let wanted = if wanted.is_finite() { wanted } else { largest };
         settings.uv_resolution = ((wanted / STEP).round() * STEP).clamp(LEAST, largest) as u32;
     }

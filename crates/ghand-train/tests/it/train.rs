@@ -76,7 +76,11 @@ fn as_many_gaussians_as_the_images_require() {
         of(&capture, settings).0
     };
     assert_eq!(enlarged(0.2, TrainSettings::default()), 96);
-    assert_eq!(enlarged(50.0, TrainSettings::default()), 512);
+    // So that Gaussians 1.75 pixels wide would take a resolution of 640, then 1024.
+    assert_eq!(enlarged(640.0 / (0.2 * f64::from(found.0)), TrainSettings::default()), 512);
+    let large = enlarged(1.6, TrainSettings::default());
+    assert!((656..=720).contains(&large), "{large}");
+    assert_eq!(enlarged(50.0, TrainSettings::default()), 768);
     let network = TrainSettings { model: ghand_train::Model::Network, ..TrainSettings::default() };
     if crate::is_built(&network.model) {
         assert_eq!(enlarged(1.0, network), 160);
