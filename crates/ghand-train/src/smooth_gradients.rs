@@ -11,8 +11,8 @@ const FINE: f64 = 1.1e-3;
 const REACH: f64 = 1.1e-3;
 /// No more passes than this: finer Gaussians are smoothed less far.
 const MOST_PASSES: f64 = 32.0;
-/// What a pass takes off a gradient, as a part of the summed differences from its six neighbours: it becomes their mean
-/// and its own.
+/// What a pass takes off a gradient, as a part of the summed differences from its six neighbours: the gradient becomes the
+/// mean of all seven.
 const STEP: f64 = 1.0 / 7.0;
 /// All differences count alike.
 const WIDTH: f32 = 1e4;
@@ -27,8 +27,8 @@ pub(crate) fn is_fine(template: &Template) -> bool {
     spacing(template) < FINE
 }
 
-/// Smooths the gradients of the offsets if Gaussians are fine. Without, regions of fine Gaussians do not arrive where the
-/// images show them: the error near the outline grows with the number of Gaussians.
+/// Smooths the gradients of the offsets if Gaussians are fine. Without, the error near the outline grows with the number of
+/// Gaussians.
 pub(crate) struct SmoothGradients {
     gradients: wgpu::Buffer,
     before: wgpu::Buffer,
@@ -55,14 +55,16 @@ impl SmoothGradients {
 
     /// Encodes the smoothing, unless it is off.
     pub(crate) fn encode(&self, encoder: &mut wgpu::CommandEncoder) {
-        for _ in 0..if self.on { self.passes } else { 0 } {
-            encoder.copy_buffer_to_buffer(&self.gradients, 0, &self.before, 0, self.before.size());
-            self.pass.encode(encoder);
+        if self.on {
+            for _ in 0..self.passes {
+                encoder.copy_buffer_to_buffer(&self.gradients, 0, &self.before, 0, self.before.size());
+                self.pass.encode(encoder);
+            }
         }
     }
 }
 
-/// Six neighbours at the same distance add 3 STEP of its squares to the variance along each axis.
+/// Passes for the whole reach: with six neighbours at a distance d, each adds 3 STEP d^2 to the variance along each axis.
 fn passes(template: &Template) -> usize {
     let variance = 3.0 * STEP * spacing(template).powi(2);
     if is_fine(template) { (REACH * REACH / variance).round().min(MOST_PASSES) as usize } else { 0 }
