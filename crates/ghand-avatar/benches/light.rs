@@ -9,11 +9,12 @@
 use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use ghand_avatar::light::{Lamp, Lamps};
-use ghand_avatar::{Light, LightKind};
+use ghand_avatar::light::{Lamp, Lamps, LitMesh};
+use ghand_avatar::{AvatarLight, Light, LightKind};
 use ghand_core::Side;
 use ghand_hand_model::builtin::builtin_hand;
 use ghand_hand_model::named_poses::named_pose;
+use ghand_hand_model::surface::sample_surface;
 use glam::DVec3;
 
 fn benchmark(c: &mut Criterion) {
@@ -32,13 +33,18 @@ fn benchmark(c: &mut Criterion) {
         ("two lamps near the hand, too", with_lamps(vec![lamp(0.5), lamp(-0.5)])),
         ("harmonics", sh),
     ];
+    let samples = sample_surface(&model, 16).unwrap();
     for (name, light) in lights {
-        c.bench_function(&format!("light/{name}, {} vertices", model.vertices.len()), |bencher| {
-            bencher.iter(|| {
-                let parts = light.parts(black_box(&model), &pose).unwrap();
-                black_box(light.shades(&parts, [0.5, 0.3, 0.1]))
+        for divided in [false, true] {
+            let lit = AvatarLight { divided, ..AvatarLight::new(light.clone(), None, &samples) };
+            let mesh = LitMesh::new(&lit, &model);
+            c.bench_function(&format!("light/{name}, {} vertices", mesh.vertex_count()), |bencher| {
+                bencher.iter(|| {
+                    let parts = mesh.parts(&light, black_box(&pose)).unwrap();
+                    black_box(mesh.shades(&light, &parts, [0.5, 0.3, 0.1]))
+                });
             });
-        });
+        }
     }
 }
 

@@ -8,11 +8,14 @@
 //! Light comes from directions, and from lamps near the hand ([`Lamps`]). Where skin hides it, light comes from that skin
 //! ([`AvatarLight::interreflection`]): as much as the hand's mean irradiance throws back, from wherever it is.
 
+mod bright;
 mod depth_maps;
 pub mod environment;
 pub mod gloss;
+mod irradiance_parts;
 pub mod lamps;
 pub(crate) mod lit_hand;
+pub mod lit_mesh;
 mod trust;
 pub mod visibility;
 
@@ -25,11 +28,15 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 pub use gloss::Gloss;
+pub use irradiance_parts::IrradianceParts;
 pub use lamps::{Lamp, Lamps};
+pub use lit_mesh::{LitMesh, LitParts};
 pub use trust::Trust;
 
 /// Vertices whose shades are summed at once.
 const CHUNK: usize = 256;
+/// Normals whose irradiances are summed at once.
+const LANES: usize = 16;
 
 /// How light reaches the skin.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -79,7 +86,9 @@ pub struct Light {
 pub struct AvatarLight {
     /// The light.
     pub light: Light,
-    /// Triangle of the avatar's mesh for each Gaussian.
+    /// Whether light falls on the avatar's mesh with each triangle divided into four, or on the mesh itself.
+    pub divided: bool,
+    /// Triangle of that mesh for each Gaussian.
     pub faces: Vec<u32>,
     /// Barycentric coordinates on it, in the order of its corners.
     pub barycentric: Vec<[f32; 3]>,
@@ -103,10 +112,11 @@ pub struct LitGaussians {
 }
 
 impl AvatarLight {
-    /// A light on the Gaussians at the samples of a surface.
+    /// A light on the Gaussians at the samples of a surface, which is the avatar's own mesh.
     pub fn new(light: Light, gloss: Option<Gloss>, samples: &SurfaceSamples) -> AvatarLight {
         let barycentric = samples.barycentric.iter().map(|b| b.map(|x| x as f32)).collect();
-        AvatarLight { light, faces: samples.faces.clone(), barycentric, gloss, interreflection: [0.0; 3] }
+        let faces = samples.faces.clone();
+        AvatarLight { light, divided: false, faces, barycentric, gloss, interreflection: [0.0; 3] }
     }
 
     /// What light does to each Gaussian of a hand in a pose, seen by an eye (metres, world axes).
@@ -114,28 +124,21 @@ impl AvatarLight {
     /// # Errors
     /// [`InvalidHandModel`] if the pose does not fit the hand.
     pub fn of_gaussians(&self, model: &HandModel, pose: &Pose, eye: DVec3) -> Result<LitGaussians, InvalidHandModel> {
-        let parts = self.light.parts(model, pose)?;
-        let gloss = self.gloss.as_ref().map(|gloss| {
-            let mut vertices = gloss::of_vertices(&self.light, &parts, gloss.roughness, eye);
-            gloss::scale(&mut vertices, &gloss.vertex_strengths(model));
-            self.at_gaussians(model, &vertices)
-        });
-        let shades = self.at_gaussians(model, &self.shades(&parts));
+        let mesh = LitMesh::new(self, model);
+        let parts = mesh.parts(&self.light, pose)?;
+        let gloss =
+            self.gloss.as_ref().map(|gloss| self.at_gaussians(&mesh, &mesh.gloss(gloss, &self.light, &parts, eye)));
+        let shades = self.at_gaussians(&mesh, &mesh.shades(&self.light, &parts, self.interreflection));
         Ok(LitGaussians { gloss: gloss.unwrap_or_else(|| vec![[0.0; 3]; shades.len()]), shades })
     }
 
-    /// The shade of each vertex, RGB, from its parts of the light.
-    pub fn shades(&self, parts: &IrradianceParts) -> Vec<[f32; 3]> {
-        self.light.shades(parts, self.interreflection)
-    }
-
     /// The vertices of each Gaussian's triangle.
-    pub fn corners(&self, model: &HandModel) -> Vec<[u32; 3]> {
-        self.faces.iter().map(|face| model.faces.get(*face as usize).copied().unwrap_or_default()).collect()
+    pub fn corners(&self, mesh: &LitMesh) -> Vec<[u32; 3]> {
+        self.faces.iter().map(|face| mesh.faces().get(*face as usize).copied().unwrap_or_default()).collect()
     }
 
     /// Values of the vertices, interpolated at the Gaussians.
-    pub fn at_gaussians(&self, model: &HandModel, vertices: &[[f32; 3]]) -> Vec<[f32; 3]> {
+    pub fn at_gaussians(&self, mesh: &LitMesh, vertices: &[[f32; 3]]) -> Vec<[f32; 3]> {
         let mix = |corners: [u32; 3], weights: &[f32; 3]| {
             let mut sum = [0.0; 3];
             for (corner, weight) in corners.iter().zip(weights) {
@@ -145,7 +148,7 @@ impl AvatarLight {
             }
             sum
         };
-        self.corners(model).into_iter().zip(&self.barycentric).map(|(c, w)| mix(c, w)).collect()
+        self.corners(mesh).into_iter().zip(&self.barycentric).map(|(c, w)| mix(c, w)).collect()
     }
 }
 
@@ -161,14 +164,27 @@ impl Light {
     /// # Errors
     /// [`InvalidHandModel`] if the pose does not fit the hand.
     pub fn parts(&self, model: &HandModel, pose: &Pose) -> Result<IrradianceParts, InvalidHandModel> {
-        let mut parts = IrradianceParts::new(self.kind, self.turn, model, pose)?;
+        let vertices = pose_hand(model, &[], pose)?.vertices;
+        let normals = model.vertex_normals(&vertices);
+        Ok(self.parts_of(model, [vertices, normals], &[]))
+    }
+
+    /// As [`Light::parts`], of a hand with these vertices, metres, and normals, unit length, world axes. Columns that are
+    /// `known`, perhaps of more vertices after these, are not computed.
+    fn parts_of(
+        &self,
+        model: &HandModel,
+        vertices_and_normals: [Vec<DVec3>; 2],
+        known: &[Vec<f32>],
+    ) -> IrradianceParts {
+        let mut parts = IrradianceParts::of(self.kind, self.turn, model, vertices_and_normals, known);
         if let Some(lamps) = &self.lamps {
-            parts.add_lamps(lamps, self.turn, model);
+            parts.add_other_lamps(lamps, self.turn, model, known.get(self.kind.len()..).unwrap_or_default());
         }
         if let Some(trust) = &self.trust {
             trust.blend(self, &mut parts);
         }
-        Ok(parts)
+        parts
     }
 
     /// The radiance of each of the parts' columns.
@@ -199,8 +215,44 @@ impl Light {
         parts
     }
 
+    /// The irradiances of surfaces with these normals (world axes), RGB, where nothing is in the way, as if the light were to
+    /// be trusted everywhere; without some of the sources.
+    fn open_irradiances(&self, normals: &[DVec3], without: &[usize]) -> Vec<[f64; 3]> {
+        let own_axes = self.turn.inverse();
+        if self.kind == LightKind::Sh {
+            return normals.iter().map(|normal| self.open_irradiance(own_axes * *normal)).collect();
+        }
+        let lamps = self.lamps.iter().flat_map(|lamps| &lamps.lamps);
+        let towards = directions().into_iter().chain(lamps.map(|lamp| lamp.offset.normalize_or_zero()));
+        let unit = cosine_transfer(DVec3::Z, DVec3::Z) as f32;
+        let sources: Vec<([f32; 3], [f32; 3])> = (towards.zip(self.radiances()).enumerate())
+            .filter(|(source, (_, radiance))| *radiance != [0.0; 3] && !without.contains(source))
+            .map(|(_, (d, radiance))| ((self.turn * d).as_vec3().to_array(), radiance.map(|c| c * unit)))
+            .collect();
+        // Source by source over several normals at once, in an order that compilers make vectors of.
+        let several = |normals: &[DVec3]| {
+            let axis = |c: usize| std::array::from_fn(|lane| normals.get(lane).map_or(0.0, |n| n[c] as f32));
+            let [x, y, z]: [[f32; LANES]; 3] = [axis(0), axis(1), axis(2)];
+            let mut sums = [[0.0f32; LANES]; 3];
+            for (d, radiance) in &sources {
+                let cosines: [f32; LANES] =
+                    std::array::from_fn(|lane| (x[lane] * d[0] + y[lane] * d[1] + z[lane] * d[2]).max(0.0));
+                for (sum, c) in sums.iter_mut().zip(radiance) {
+                    sum.iter_mut().zip(&cosines).for_each(|(sum, cosine)| *sum += cosine * c);
+                }
+            }
+            (0..normals.len()).map(move |lane| sums.map(|sum| f64::from(sum[lane])))
+        };
+        normals.par_chunks(LANES).flat_map_iter(several).collect()
+    }
+
     /// The shade of each vertex, RGB, from its parts of this light. See [`AvatarLight::interreflection`].
     pub fn shades(&self, parts: &IrradianceParts, interreflection: [f32; 3]) -> Vec<[f32; 3]> {
+        shades(&self.irradiances(parts, interreflection))
+    }
+
+    /// The irradiance of each vertex, RGB, from its parts of this light.
+    fn irradiances(&self, parts: &IrradianceParts, interreflection: [f32; 3]) -> Vec<[f64; 3]> {
         let mut irradiances = vec![[0.0; 3]; parts.vertices.len()];
         irradiances.par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, irradiances)| {
             let mut sums = [[0.0f64; CHUNK]; 3];
@@ -216,90 +268,14 @@ impl Light {
         });
         let mean = parts.mean(&irradiances);
         let thrown: [f64; 3] = std::array::from_fn(|c| f64::from(interreflection[c]) * mean[c]);
-        let lit = |(irradiance, closed): (&[f64; 3], &f32)| {
-            std::array::from_fn(|c| shade(irradiance[c] + thrown[c] * f64::from(*closed)) as f32)
-        };
-        irradiances.iter().zip(&parts.closed).map(lit).collect()
-    }
-}
-
-/// What each coefficient and lamp of a light contributes to the irradiance of each vertex of a posed hand.
-#[derive(Debug, Clone, PartialEq)]
-pub struct IrradianceParts {
-    /// One column of V numbers per coefficient, then one per lamp.
-    pub columns: Vec<Vec<f32>>,
-    /// The posed vertices, metres, world axes.
-    pub vertices: Vec<DVec3>,
-    /// Their normals, unit length.
-    pub normals: Vec<DVec3>,
-    /// Where the lamps stand, metres, world axes.
-    pub lamps: Vec<DVec3>,
-    /// Of even light, the part that does not reach each vertex past the hand; 0 without directions.
-    pub closed: Vec<f32>,
-    /// Each vertex's part of the hand's surface.
-    pub areas: Vec<f32>,
-}
-
-impl IrradianceParts {
-    /// The parts of all coefficients of a light whose axes are turned, without lamps.
-    ///
-    /// # Errors
-    /// [`InvalidHandModel`] if the pose does not fit the hand.
-    pub fn new(
-        kind: LightKind,
-        turn: DQuat,
-        model: &HandModel,
-        pose: &Pose,
-    ) -> Result<IrradianceParts, InvalidHandModel> {
-        let vertices = pose_hand(model, &[], pose)?.vertices;
-        let normals = model.vertex_normals(&vertices);
-        let columns = match kind {
-            LightKind::Sh => {
-                let all: Vec<[f64; HARMONIC_COUNT]> = normals.iter().map(|n| harmonics(turn.inverse() * *n)).collect();
-                (0..HARMONIC_COUNT).map(|k| all.iter().map(|values| values[k] as f32).collect()).collect()
-            }
-            LightKind::Transfer => {
-                let towards = directions().map(|d| turn * d);
-                visibility::vertex_transfers(&model.faces, &vertices, &normals, &towards)
-            }
-        };
-        let mut closed = vec![0.0; vertices.len()];
-        if kind == LightKind::Transfer {
-            closed.fill(1.0);
-            for column in &columns {
-                closed.iter_mut().zip(column).for_each(|(closed, part)| *closed -= part);
-            }
-            closed.iter_mut().for_each(|closed| *closed = closed.max(0.0));
+        for (irradiance, closed) in irradiances.iter_mut().zip(&parts.closed) {
+            irradiance.iter_mut().zip(thrown).for_each(|(sum, thrown)| *sum += thrown * f64::from(*closed));
         }
-        let areas = areas(&model.faces, &vertices);
-        Ok(IrradianceParts { columns, vertices, normals, lamps: vec![], closed, areas })
-    }
-
-    /// Adds those of lamps. `turn` is that of the light.
-    pub fn add_lamps(&mut self, lamps: &Lamps, turn: DQuat, model: &HandModel) {
-        let positions = lamps.positions(turn, &self.vertices);
-        self.columns.extend(lamps.columns(model, &positions, &self.vertices, &self.normals));
-        self.lamps.extend(positions);
-    }
-
-    /// The mean of values of the vertices over the hand's surface.
-    pub fn mean(&self, values: &[[f64; 3]]) -> [f64; 3] {
-        let mut mean = [0.0; 3];
-        for (value, area) in values.iter().zip(&self.areas) {
-            mean.iter_mut().zip(value).for_each(|(sum, c)| *sum += f64::from(*area) * c);
-        }
-        mean
+        irradiances
     }
 }
 
-/// Each vertex's part of a surface: a third of its triangles.
-fn areas(faces: &[[u32; 3]], vertices: &[DVec3]) -> Vec<f32> {
-    let mut areas = vec![0.0; vertices.len()];
-    for face in faces {
-        let [a, b, c] = face.map(|corner| vertices[corner as usize]);
-        let area = (b - a).cross(c - a).length();
-        face.iter().for_each(|corner| areas[*corner as usize] += area);
-    }
-    let whole = areas.iter().sum::<f64>().max(f64::MIN_POSITIVE);
-    areas.into_iter().map(|area| (area / whole) as f32).collect()
+/// The shades of irradiances, RGB.
+fn shades(irradiances: &[[f64; 3]]) -> Vec<[f32; 3]> {
+    irradiances.par_iter().map(|irradiance| irradiance.map(|value| shade(value) as f32)).collect()
 }

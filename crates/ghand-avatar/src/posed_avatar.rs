@@ -10,8 +10,8 @@ use ghand_render::{Gpu, RenderError};
 use glam::{DMat3, DVec3};
 
 use crate::avatar::Avatar;
-use crate::light::Light;
 use crate::light::lit_hand::LitHand;
+use crate::light::{Light, LitMesh};
 use crate::neighbors::neighbors;
 use crate::properties::{DeviceModel, PropertyTables};
 
@@ -50,9 +50,10 @@ impl PosedAvatar {
         let joints: Vec<f32> = template.joints.iter().flat_map(|j| j.as_vec3().to_array()).collect();
         let parents: Vec<i32> = template.parents.iter().map(|p| p.map_or(-1, |p| p as i32)).collect();
         let frames = frames.max(1);
-        let corners = avatar.light.as_ref().map(|light| light.corners(&avatar.model));
-        let lit_surface = avatar.light.as_ref().zip(corners.as_ref()).map(|(light, corners)| LitSurface {
-            vertex_count: avatar.model.vertices.len(),
+        let lit = avatar.light.as_ref().map(|light| (light, LitMesh::new(light, &avatar.model)));
+        let corners = lit.as_ref().map(|(light, mesh)| light.corners(mesh));
+        let lit_surface = lit.as_ref().zip(corners.as_ref()).map(|((light, mesh), corners)| LitSurface {
+            vertex_count: mesh.vertex_count(),
             corners,
             barycentric: &light.barycentric,
             glossy: light.gloss.is_some(),
@@ -60,7 +61,8 @@ impl PosedAvatar {
         if let PropertyTables::Baked(tables) = &avatar.tables {
             let template = BakedTemplate { joints: &joints, parents: &parents, frames, lit_surface };
             let deformation = Deformation::baked(gpu, &template, tables, gaussians, place);
-            return PosedAvatar::with(gpu, avatar, deformation, frames);
+            let lit = lit.map(|(light, mesh)| LitHand::new(light, mesh, frames));
+            return PosedAvatar::with(gpu, avatar, deformation, lit, frames);
         }
         let deform_template = DeformTemplate {
             neighbors: &neighbors(template),
@@ -77,15 +79,22 @@ impl PosedAvatar {
             zero_sum: config.residual_weights == ResidualWeights::ZeroSum,
             lit_surface,
         };
-        PosedAvatar::with(gpu, avatar, Deformation::new(gpu, &deform_template, gaussians, place), frames)
+        let deformation = Deformation::new(gpu, &deform_template, gaussians, place);
+        let lit = lit.map(|(light, mesh)| LitHand::new(light, mesh, frames));
+        PosedAvatar::with(gpu, avatar, deformation, lit, frames)
     }
 
-    /// With the deformation of this avatar.
-    fn with(gpu: &Gpu, avatar: &Avatar, deformation: Deformation, frames: usize) -> Result<PosedAvatar, RenderError> {
+    /// With the deformation and the light of this avatar.
+    fn with(
+        gpu: &Gpu,
+        avatar: &Avatar,
+        deformation: Deformation,
+        lit: Option<LitHand>,
+        frames: usize,
+    ) -> Result<PosedAvatar, RenderError> {
         let template = &avatar.template;
         let config = &avatar.config;
         let model = avatar.tables.on_device(gpu, &avatar.model, template, config, &deformation)?;
-        let lit = avatar.light.as_ref().map(|light| LitHand::new(light, &avatar.model, frames));
         let root = template.joints.first().copied().unwrap_or_default();
         let joint_count = template.joint_count();
         Ok(PosedAvatar { deformation, model, lit, root, placement: None, joint_count, frames, frame: 0 })

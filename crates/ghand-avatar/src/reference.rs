@@ -20,6 +20,7 @@ use ghand_render::splat::FLATNESS;
 use glam::{DQuat, DVec3, DVec4};
 
 use crate::avatar::Avatar;
+use crate::light::LitMesh;
 use crate::neighbors::neighbors;
 use crate::properties::PropertyTables;
 use crate::properties::direct::DirectTables;
@@ -118,7 +119,9 @@ pub enum TwinError {
 pub fn pose_avatar(avatar: &Avatar, pose: &Pose) -> Result<PosedGaussians, TwinError> {
     let mut posed = pose_unlit(avatar, pose)?;
     if let Some(light) = &avatar.light {
-        let shades = light.at_gaussians(&avatar.model, &light.shades(&light.light.parts(&avatar.model, pose)?));
+        let mesh = LitMesh::new(light, &avatar.model);
+        let parts = mesh.parts(&light.light, pose)?;
+        let shades = light.at_gaussians(&mesh, &mesh.shades(&light.light, &parts, light.interreflection));
         let lit = posed.colors.iter_mut().zip(shades);
         lit.for_each(|(color, shade)| *color *= DVec3::from(shade.map(f64::from)));
     }

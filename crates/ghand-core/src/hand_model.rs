@@ -101,6 +101,19 @@ pub struct HandModel {
     pub source_vertices: Vec<u32>,
 }
 
+/// Area-weighted unit normals of the vertices of triangles, outwards. A vertex without any area gets the zero vector.
+pub fn vertex_normals(faces: &[[u32; 3]], positions: &[DVec3]) -> Vec<DVec3> {
+    let mut normals = vec![DVec3::ZERO; positions.len()];
+    for face in faces {
+        let [a, b, c] = face.map(|i| positions[i as usize]);
+        let n = (b - a).cross(c - a);
+        for &i in face {
+            normals[i as usize] += n;
+        }
+    }
+    normals.iter().map(|n| n.normalize_or_zero()).collect()
+}
+
 impl HandModel {
     /// Number of joints, `n_b`.
     pub fn joint_count(&self) -> usize {
@@ -171,15 +184,7 @@ impl HandModel {
     /// Area-weighted unit normals of the vertices for the given vertex positions (rest or posed), outwards.
     /// A vertex without any area gets the zero vector.
     pub fn vertex_normals(&self, positions: &[DVec3]) -> Vec<DVec3> {
-        let mut normals = vec![DVec3::ZERO; positions.len()];
-        for face in &self.faces {
-            let [a, b, c] = face.map(|i| positions[i as usize]);
-            let n = (b - a).cross(c - a);
-            for &i in face {
-                normals[i as usize] += n;
-            }
-        }
-        normals.iter().map(|n| n.normalize_or_zero()).collect()
+        vertex_normals(&self.faces, positions)
     }
 
     /// Checks the invariants above.

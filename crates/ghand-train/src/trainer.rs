@@ -593,19 +593,25 @@ impl Problem {
         poses.map(|(_, pose)| pose.clone()).collect()
     }
 
-    /// The initial avatar of a stage: the template's surface with mean texel colours, `inset` standard deviations deep.
+    /// The initial avatar of a stage: the template's surface with mean texel colours, `inset` standard deviations deep. It
+    /// lies on a finer mesh, whose outlines are round, and light falls on that.
     fn start(&self, gpu: &Gpu, settings: &TrainSettings, inset: f64) -> Result<Avatar, TrainError> {
-        let capture = &self.capture;
         let poses = &self.prepared.poses;
-        let samples = required_texels(gpu, capture, &self.split, poses, settings.uv_resolution, settings.merge_below)?;
+        let (resolution, merge_below) = (settings.uv_resolution, settings.merge_below);
+        let template = &self.capture.template;
+        let samples = required_texels(gpu, &self.capture, &self.split, poses, resolution, merge_below)?;
+        let capture = Capture { template: surface::smooth::smoothed(template), ..self.capture.clone() };
+        let samples = samples.on_smoothed(template, &capture.template);
         let mut avatar =
             Avatar::untrained_at(&capture.template, &samples, &settings.avatar(), [0.5; 3], inset, settings.seed)?;
+        avatar.model = template.without_blend_shapes();
         if let Some((light, fit)) = self.prepared.light.as_ref().and_then(|fit| Some((fit.light.clone()?, fit))) {
             let gloss = fit.gloss.as_ref().map(|fit| fit.gloss.clone());
             let lit = AvatarLight::new(light, gloss, &samples);
-            avatar.light = Some(AvatarLight { interreflection: fit.interreflection, ..lit });
+            avatar.light = Some(AvatarLight { divided: true, interreflection: fit.interreflection, ..lit });
         }
-        let colors = texel_colors(gpu, capture, &self.split, poses, samples, COLOR_VIEWS, avatar.light.as_ref())?;
+        let lit = avatar.light.as_ref().map(|light| (light, &avatar.model));
+        let colors = texel_colors(gpu, &capture, &self.split, poses, samples, COLOR_VIEWS, lit)?;
         avatar.tables.set_base_colors(&colors.colors);
         avatar.provenance = Provenance {
             capture: self.capture.root.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default(),

@@ -61,6 +61,8 @@ impl Reader<'_> {
         if !turn.is_normalized() {
             return Err(self.invalid("light.turn", "is not a unit quaternion; train the avatar again"));
         }
+        let divided = self.metadata.light_divided;
+        let faces = if divided { 4 * faces } else { faces };
         let (_, on) = self.tensor::<u32>("light.faces", Dtype::U32, &[Some(count)])?;
         if let Some(face) = on.iter().find(|face| **face as usize >= faces) {
             return Err(self.invalid("light.faces", format!("names face {face} of {faces}; train the avatar again")));
@@ -68,7 +70,7 @@ impl Reader<'_> {
         let barycentric = self.floats("light.barycentric", &[Some(count), Some(3)])?.as_chunks::<3>().0.to_vec();
         let gloss = self.gloss(joints)?;
         let light = Light { kind, turn, coefficients, lamps: self.lamps(kind)?, trust: self.trust()? };
-        Ok(AvatarLight { light, faces: on, barycentric, gloss, interreflection: self.interreflection(kind)? })
+        Ok(AvatarLight { light, divided, faces: on, barycentric, gloss, interreflection: self.interreflection(kind)? })
     }
 
     /// The lamps near the hand; files before version 6 have none.

@@ -10,9 +10,10 @@ use crate::properties::PropertyTables;
 use crate::properties::baked::tensors::{self as baked, BakedMetadata};
 use crate::template::AvatarConfig;
 
-/// The newest version that this program writes and reads: that of avatars with lamps near the hand or light that skin
-/// throws on skin.
-const NEWEST_VERSION: u32 = 6;
+/// The newest version that this program writes and reads: that of avatars whose light falls on a divided mesh.
+const NEWEST_VERSION: u32 = 7;
+/// Version of avatars with lamps near the hand or light that skin throws on skin.
+const NEAR_VERSION: u32 = 6;
 /// Version of avatars with plain skinning, which have no tables of residual terms.
 const PLAIN_VERSION: u32 = 5;
 /// Version of baked avatars.
@@ -37,6 +38,9 @@ pub(super) struct Metadata {
     /// The kind of light, if light is apart from skin.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) light: Option<LightKind>,
+    /// Whether it falls on the mesh with each triangle divided into four. Omitted where it falls on the mesh itself.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub(super) light_divided: bool,
     /// What the tensors of a baked avatar do not say.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) baked: Option<BakedMetadata>,
@@ -49,7 +53,8 @@ impl Metadata {
         Metadata {
             format: "ghand-avatar".into(),
             version: match (&avatar.tables, &avatar.light) {
-                (_, Some(lit)) if lit.light.lamps.is_some() || lit.interreflection != [0.0; 3] => NEWEST_VERSION,
+                (_, Some(lit)) if lit.divided => NEWEST_VERSION,
+                (_, Some(lit)) if lit.light.lamps.is_some() || lit.interreflection != [0.0; 3] => NEAR_VERSION,
                 (PropertyTables::Baked(_), _) => BAKED_VERSION,
                 _ if avatar.config.plain_skinning => PLAIN_VERSION,
                 (_, Some(_)) => LIT_VERSION,
@@ -65,6 +70,7 @@ impl Metadata {
             config: avatar.config.clone(),
             property_model: ModelTag::of(&avatar.tables),
             light: avatar.light.as_ref().map(|lit| lit.light.kind),
+            light_divided: avatar.light.as_ref().is_some_and(|lit| lit.divided),
             baked: match &avatar.tables {
                 PropertyTables::Baked(tables) => Some(baked::metadata(tables)),
                 _ => None,

@@ -70,6 +70,29 @@ fn lamps_are_read_as_they_were_written_and_damaged_ones_are_rejected() {
 }
 
 #[test]
+fn a_light_on_a_divided_mesh_may_name_four_times_the_triangles() {
+    let mut avatar = near();
+    let count = avatar.model.faces.len() as u32;
+    let on_avatar = avatar.light.as_mut().unwrap();
+    on_avatar.faces.iter_mut().for_each(|face| *face = 4 * *face + 3);
+    on_avatar.faces[0] = 4 * count - 1;
+    on_avatar.divided = true;
+    let bytes = avatar.to_bytes(Path::new("a")).unwrap();
+    assert_eq!(from_bytes(Path::new("a"), &bytes).unwrap().light, avatar.light);
+    let version = |avatar: &Avatar| {
+        let bytes = avatar.to_bytes(Path::new("a")).unwrap();
+        let (_, header) = SafeTensors::read_metadata(&bytes).unwrap();
+        let blocks: Vec<String> = header.metadata().clone().unwrap().into_values().collect();
+        let version = |block: &String| serde_json::from_str::<serde_json::Value>(block).ok()?["version"].as_u64();
+        blocks.iter().find_map(version).unwrap()
+    };
+    assert_eq!([version(&avatar), version(&near())], [7, 6]);
+    avatar.light.as_mut().unwrap().faces[0] = 4 * count;
+    let error = avatar.save(Path::new("/dev/null/x")).unwrap_err();
+    assert!(matches!(&error, AvatarFileError::Unreadable { field: f, .. } if f == "light.faces"), "{error}");
+}
+
+#[test]
 fn a_light_is_read_as_it_was_written_and_a_damaged_one_is_rejected() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("hand.ghand");

@@ -37,11 +37,12 @@ pub fn scale(values: &mut [[f32; 3]], strengths: &[[f32; 3]]) {
 }
 
 /// What each vertex of a posed hand mirrors towards an eye (metres, world axes) if its gloss is 1: linear RGB. `parts` are
-/// those of the pose in the light, which has directions.
+/// those of the pose in the light, which has directions; sources without a column do not count.
 pub fn of_vertices(light: &Light, parts: &IrradianceParts, roughness: f64, eye: DVec3) -> Vec<[f32; 3]> {
     let directions = light.directions();
     // Direction by direction in the order of memory; what is dark costs nothing.
-    let bright: Vec<(usize, [f32; 3])> = light.radiances().enumerate().filter(|(_, c)| *c != [0.0; 3]).collect();
+    let counts = |(k, radiance): &(usize, [f32; 3])| *radiance != [0.0; 3] && !parts.columns[*k].is_empty();
+    let bright: Vec<(usize, [f32; 3])> = light.radiances().enumerate().filter(counts).collect();
     let vertex = |(v, (vertex, normal)): (usize, (&DVec3, &DVec3))| {
         let towards_eye = (eye - *vertex).normalize_or_zero();
         let mut sum = [0.0; 3];

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::visibility;
 
 /// Points of a lamp from which its light comes.
-const POINTS: usize = 8;
+pub(super) const POINTS: usize = 8;
 /// The golden angle as a part of a turn: points in this order cover a disc evenly.
 const GOLDEN: f64 = 0.381_966_011_250_105;
 
@@ -49,21 +49,21 @@ impl Lamps {
         self.lamps.iter().map(|lamp| place + turn * lamp.offset).collect()
     }
 
-    /// What each lamp with a radiance of 1 gives the vertices, as the light's directions do: one column of V numbers each.
-    pub(super) fn columns(
+    /// What one of the lamps, with a radiance of 1 at a position, gives the vertices, as the light's directions do.
+    pub(super) fn column(
         &self,
+        lamp: usize,
         model: &HandModel,
-        positions: &[DVec3],
+        position: DVec3,
         vertices: &[DVec3],
         normals: &[DVec3],
-    ) -> Vec<Vec<f32>> {
-        let lamps = self.lamps.iter().zip(positions);
-        lamps.map(|(lamp, at)| lamp.column(&model.faces, *at, vertices, normals)).collect()
+    ) -> Vec<f32> {
+        self.lamps[lamp].column(&model.faces, position, vertices, normals)
     }
 }
 
 impl Lamp {
-    /// As [`Lamps::columns`], where it stands at a position.
+    /// As [`Lamps::column`], where it stands at a position.
     fn column(&self, faces: &[[u32; 3]], position: DVec3, vertices: &[DVec3], normals: &[DVec3]) -> Vec<f32> {
         let towards = (position - Lamps::middle(vertices)).try_normalize().unwrap_or(DVec3::Z);
         let (x, y) = towards.any_orthonormal_pair();
@@ -193,7 +193,7 @@ mod tests {
         let none = AvatarLight::new(Light::studio(), None, &samples);
         let some = AvatarLight { interreflection: [0.6, 0.3, 0.0], ..none.clone() };
         let parts = none.light.parts(&model, &pose).unwrap();
-        let [before, after] = [&none, &some].map(|lit| lit.shades(&parts));
+        let [before, after] = [&none, &some].map(|lit| lit.light.shades(&parts, lit.interreflection));
         for (v, closed) in parts.closed.iter().enumerate() {
             let gains = [0, 1, 2].map(|c| after[v][c] - before[v][c]);
             assert!(gains[0] >= gains[1] && gains[1] >= 0.0 && gains[2] == 0.0, "{gains:?}");

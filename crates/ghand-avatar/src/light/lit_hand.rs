@@ -2,10 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use ghand_core::{HandModel, InvalidHandModel, Pose};
+use ghand_core::{InvalidHandModel, Pose};
 use glam::DVec3;
 
-use super::{AvatarLight, IrradianceParts, Light, LightKind, gloss};
+use super::{AvatarLight, Light, LightKind, LitMesh, LitParts};
 
 /// Frames whose parts of the light are kept: half a megabyte each.
 const MOST_KEPT: usize = 512;
@@ -13,12 +13,10 @@ const MOST_KEPT: usize = 512;
 /// An avatar's light, the mesh on which it falls, and its frames.
 pub(crate) struct LitHand {
     lit: AvatarLight,
-    model: HandModel,
-    /// Of the vertices; empty without gloss.
-    strengths: Vec<[f32; 3]>,
+    mesh: LitMesh,
     frames: Vec<Option<LitFrame>>,
     /// Frames' parts of their light, if something asks for them again.
-    parts: BTreeMap<usize, IrradianceParts>,
+    parts: BTreeMap<usize, LitParts>,
     /// The frame and eye whose gloss the device has.
     mirrored: Option<(usize, DVec3)>,
 }
@@ -29,11 +27,10 @@ struct LitFrame {
 }
 
 impl LitHand {
-    pub fn new(lit: &AvatarLight, model: &HandModel, frames: usize) -> LitHand {
+    pub fn new(lit: &AvatarLight, mesh: LitMesh, frames: usize) -> LitHand {
         LitHand {
             lit: lit.clone(),
-            model: model.clone(),
-            strengths: lit.gloss.as_ref().map_or(vec![], |gloss| gloss.vertex_strengths(model)),
+            mesh,
             frames: (0..frames).map(|_| None).collect(),
             parts: BTreeMap::new(),
             mirrored: None,
@@ -48,8 +45,8 @@ impl LitHand {
     /// Sets the pose of a frame and returns its shades.
     pub fn set_pose(&mut self, frame: usize, pose: &Pose) -> Result<Vec<[f32; 3]>, InvalidHandModel> {
         let light = self.lit.light.clone();
-        let parts = light.parts(&self.model, pose)?;
-        let shades = light.shades(&parts, self.lit.interreflection);
+        let parts = self.mesh.parts(&light, pose)?;
+        let shades = self.mesh.shades(&light, &parts, self.lit.interreflection);
         if self.lit.gloss.is_some() {
             self.keep(frame, parts);
         }
@@ -58,7 +55,7 @@ impl LitHand {
         Ok(shades)
     }
 
-    fn keep(&mut self, frame: usize, parts: IrradianceParts) {
+    fn keep(&mut self, frame: usize, parts: LitParts) {
         if self.parts.len() >= MOST_KEPT {
             self.parts.pop_first();
         }
@@ -70,7 +67,7 @@ impl LitHand {
         if let Some(Some(LitFrame { light, pose, .. })) = self.frames.get(frame)
             && !self.parts.contains_key(&frame)
         {
-            let parts = light.parts(&self.model, pose)?;
+            let parts = self.mesh.parts(light, pose)?;
             self.keep(frame, parts);
         }
         Ok(())
@@ -79,20 +76,18 @@ impl LitHand {
     /// What the device should have of the skin's gloss and has not, one RGB per vertex, for a frame and an eye, which is not
     /// finite if there is none: then nothing is mirrored.
     pub fn missing_gloss(&mut self, frame: usize, eye: DVec3) -> Result<Option<Vec<[f32; 3]>>, InvalidHandModel> {
-        let Some(roughness) = self.lit.gloss.as_ref().map(|gloss| gloss.roughness) else { return Ok(None) };
+        let Some(gloss) = self.lit.gloss.clone() else { return Ok(None) };
         // A NaN is never equal: then it is computed each time.
         if self.mirrored == Some((frame, eye)) {
             return Ok(None);
         }
         self.need_parts(frame)?;
         self.mirrored = Some((frame, eye));
-        let none = || vec![[0.0; 3]; self.strengths.len()];
+        let none = || vec![[0.0; 3]; self.mesh.vertex_count()];
         let (Some(Some(lit)), Some(parts)) = (self.frames.get(frame), self.parts.get(&frame)) else {
             return Ok(Some(none()));
         };
         let visible = eye.is_finite() && lit.light.kind == LightKind::Transfer;
-        let mut values = if visible { gloss::of_vertices(&lit.light, parts, roughness, eye) } else { none() };
-        gloss::scale(&mut values, &self.strengths);
-        Ok(Some(values))
+        Ok(Some(if visible { self.mesh.gloss(&gloss, &lit.light, parts, eye) } else { none() }))
     }
 }

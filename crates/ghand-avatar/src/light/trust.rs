@@ -74,6 +74,7 @@ impl Trust {
                     }
                     LightKind::Sh => 1.0,
                 };
+                parts.trust[v] = trust as f32;
                 for (column, mean) in parts.columns.iter_mut().zip(&mean) {
                     column[v] = (trust * f64::from(column[v]) + (1.0 - trust) * open * mean) as f32;
                 }

@@ -2,9 +2,9 @@
 
 use ghand_avatar::AvatarLight;
 use ghand_capture::{Capture, Split};
-use ghand_core::Pose;
 use ghand_core::light::{linear, shade};
 use ghand_core::mesh::Texture;
+use ghand_core::{HandModel, Pose};
 use ghand_hand_model::SurfaceSamples;
 use ghand_render::Gpu;
 
@@ -39,16 +39,15 @@ pub fn texel_colors(
     poses: &[Pose],
     samples: SurfaceSamples,
     view_count: usize,
-    lit: Option<&AvatarLight>,
+    lit: Option<(&AvatarLight, &HandModel)>,
 ) -> Result<TexelColors, TexelError> {
     let observer = TexelObserver::new(gpu, capture, samples)?;
-    let model = capture.template.without_blend_shapes();
     // Of each texel and channel: sums of weight * shade * colour and of weight * shade^2.
     let mut sums = vec![[[0.0f64; 2]; 3]; observer.samples().len()];
     for view in some_views(split, view_count) {
         let pose = &poses[view.position];
         let eye = capture.cameras[view.camera].center();
-        let light = lit.map(|lit| lit.of_gaussians(&model, pose, eye)).transpose()?;
+        let light = lit.map(|(light, model)| light.of_gaussians(model, pose, eye)).transpose()?;
         for (t, (sum, seen)) in sums.iter_mut().zip(observer.observe(&view, pose, COLOR_COSINE)?).enumerate() {
             let Some(TexelView { color, weight, .. }) = seen else { continue };
             for c in 0..3 {

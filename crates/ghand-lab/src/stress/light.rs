@@ -1,11 +1,12 @@
 //! Light with something extreme about it, and the twin of what it does to Gaussians.
 
 use ghand_avatar::Avatar;
-use ghand_avatar::light::{AvatarLight, Gloss, Lamp, Lamps, Light, LightKind, MOST_INTERREFLECTION, gloss};
+use ghand_avatar::light::{AvatarLight, Gloss, Lamp, Lamps, Light, LightKind, LitMesh, MOST_INTERREFLECTION};
 use ghand_avatar::reference::{PosedGaussians, rows, vectors};
 use ghand_core::Pose;
 use ghand_core::light::{SurfaceLight, lit, lit_vjp};
 use ghand_hand_model::surface::sample_surface;
+use ghand_hand_model::surface::smooth::smoothed;
 use glam::{DQuat, DVec3};
 
 use super::compare::move_by_one;
@@ -51,8 +52,10 @@ pub fn draw(draw: &mut Sampler, avatar: &Avatar) -> anyhow::Result<AvatarLight> 
     });
     let thrown = if near { MOST_INTERREFLECTION.map(|most| draw.log(1e-3, f64::from(most)) as f32) } else { [0.0; 3] };
     let samples = sample_surface(&avatar.model, avatar.config.uv_resolution)?;
+    let divided = draw.chance(0.5);
+    let samples = if divided { samples.on_smoothed(&avatar.model, &smoothed(&avatar.model)) } else { samples };
     let lit = AvatarLight::new(Light { kind, turn, coefficients, lamps, trust: None }, gloss, &samples);
-    Ok(AvatarLight { interreflection: thrown, ..lit })
+    Ok(AvatarLight { divided, interreflection: thrown, ..lit })
 }
 
 /// What falls on an avatar's mesh in a pose, as an eye sees it: the numbers that the device is given.
@@ -76,18 +79,14 @@ impl TwinLight {
     /// If the pose does not fit the hand.
     pub fn of(avatar: &Avatar, pose: &Pose, eye: DVec3) -> anyhow::Result<Option<TwinLight>> {
         let Some(on_avatar) = &avatar.light else { return Ok(None) };
-        let model = &avatar.model;
+        let mesh = LitMesh::new(on_avatar, &avatar.model);
         let light = &on_avatar.light;
-        let parts = light.parts(model, pose)?;
-        let mirrored = |of_skin: &Gloss| {
-            let mut values = gloss::of_vertices(light, &parts, of_skin.roughness, eye);
-            gloss::scale(&mut values, &of_skin.vertex_strengths(model));
-            values
-        };
+        let parts = mesh.parts(light, pose)?;
+        let mirrored = |of_skin: &Gloss| mesh.gloss(of_skin, light, &parts, eye);
         Ok(Some(TwinLight {
-            corners: on_avatar.corners(model),
+            corners: on_avatar.corners(&mesh),
             barycentric: wide(&on_avatar.barycentric),
-            shades: on_avatar.shades(&parts),
+            shades: mesh.shades(light, &parts, on_avatar.interreflection),
             gloss: on_avatar.gloss.as_ref().map(mirrored).unwrap_or_default(),
         }))
     }

@@ -35,10 +35,11 @@ fn fit(gpu: &Gpu, capture: &Capture, poses: &[Pose], choice: LightChoice) -> Lig
 
 /// Unlit colours of the texels, display values.
 fn skin(gpu: &Gpu, capture: &Capture, poses: &[Pose], light: Option<&Light>) -> Vec<[f64; 3]> {
-    let samples = sample_surface(&capture.template, RESOLUTION).unwrap();
+    let model = capture.template.without_blend_shapes();
+    let samples = sample_surface(&model, RESOLUTION).unwrap();
     let lit = light.map(|light| AvatarLight::new(light.clone(), None, &samples));
     let split = capture.split("train").unwrap();
-    texel_colors(gpu, capture, split, poses, samples, 72, lit.as_ref()).unwrap().colors
+    texel_colors(gpu, capture, split, poses, samples, 72, lit.as_ref().zip(Some(&model))).unwrap().colors
 }
 
 /// The median relative error of linear albedos, up to one factor per channel.

@@ -4,6 +4,7 @@ use crate::common::{make, small_options};
 use ghand_avatar::Avatar;
 use ghand_capture::Capture;
 use ghand_hand_model::surface::sample_surface;
+use ghand_hand_model::surface::smooth::smoothed;
 use ghand_render::{AdapterChoice, Gpu};
 use ghand_synthetic::SyntheticOptions;
 use ghand_train::{Align, LightChoice, Model, TrainSettings, Trained, Trainer};
@@ -35,7 +36,8 @@ fn train(gpu: &Gpu, capture: &Capture, merge_below: f64) -> Trained {
 fn what_no_image_shows_gets_few_gaussians_and_the_rest_stays_as_fine() {
     let gpu = Gpu::new(&AdapterChoice::from_env()).unwrap_or_else(|e| panic!("{e}"));
     let (capture, folder) = seen_from_one_side();
-    let samples = sample_surface(&capture.template, RESOLUTION).unwrap();
+    let fine = smoothed(&capture.template);
+    let samples = sample_surface(&capture.template, RESOLUTION).unwrap().on_smoothed(&capture.template, &fine);
     let [whole, merged] = [0.0, 0.01].map(|pixels| train(&gpu, &capture, pixels).avatar);
     let (n, m) = (samples.len(), merged.template.len());
     assert_eq!(whole.template.len(), n);

@@ -8,6 +8,7 @@ use ghand_capture::Capture;
 use ghand_core::Pose;
 use ghand_core::pose_response::{PoseResponse, UNLIMITED, pose_features};
 use ghand_hand_model::surface::sample_surface;
+use ghand_hand_model::surface::smooth::smoothed;
 use ghand_measure::baseline::Baseline;
 use ghand_measure::evaluation::evaluate;
 use ghand_render::{AdapterChoice, Gpu};
@@ -80,8 +81,11 @@ fn planted(change: impl FnOnce(&mut Avatar)) -> Planted {
     for (frame, pose) in capture.frames.iter_mut().zip(truth) {
         frame.pose = pose.unwrap();
     }
-    let samples = sample_surface(&capture.template, config().uv_resolution).unwrap();
-    let mut avatar = Avatar::untrained_at(&capture.template, &samples, &config(), [0.5; 3], INSET, 1).unwrap();
+    let template = &capture.template;
+    let fine = smoothed(template);
+    let samples = sample_surface(template, config().uv_resolution).unwrap().on_smoothed(template, &fine);
+    let mut avatar = Avatar::untrained_at(&fine, &samples, &config(), [0.5; 3], INSET, 1).unwrap();
+    avatar.model = template.without_blend_shapes();
     let mut rng = ChaCha8Rng::seed_from_u64(9);
     let colors: Vec<[f64; 3]> =
         (0..avatar.template.len()).map(|_| [0.75, 0.55, 0.45].map(|mean| mean + rng.random_range(-0.2..0.2))).collect();
